@@ -8,7 +8,7 @@ use foveate::extend::Parts;
 use foveate::video::without_password;
 
 struct Invocation {
-    /// With the program's own name.
+    /// The arguments, starting with the program's own name.
     words: Vec<OsString>,
     program: PathBuf,
     parts: Parts,
@@ -16,34 +16,34 @@ struct Invocation {
 
 static INVOCATION: OnceLock<Invocation> = OnceLock::new();
 
-/// Sets the invocation, once in a process: a second call changes nothing.
+/// Sets the invocation, once per process: a second call changes nothing.
 pub fn set(arguments: &[OsString], program: PathBuf, parts: Parts) {
     let _ = INVOCATION.set(Invocation { words: arguments.to_vec(), program, parts });
 }
 
-/// The parts that configurations may name beside those of the library.
+/// Returns the parts that configurations may name beside those of the library.
 pub(crate) fn parts() -> Parts {
     INVOCATION.get().map_or_else(Parts::new, |it| it.parts.clone())
 }
 
-/// The arguments, without the program's own name.
+/// Returns the arguments without the program's own name.
 pub(crate) fn words() -> impl Iterator<Item = String> {
     let words = INVOCATION.get().map_or(&[][..], |it| it.words.get(1..).unwrap_or(&[]));
     words.iter().map(|word| word.to_string_lossy().into_owned())
 }
 
-/// The arguments in one line, without passwords of streams.
+/// Returns the arguments in one line, without passwords of streams.
 pub(crate) fn arguments() -> String {
     words().map(|word| without_password(&word).into_owned()).collect::<Vec<_>>().join(" ")
 }
 
-/// The command in one line: the program as it was called, and its arguments.
+/// Returns the command in one line: the program as it was called, and its arguments.
 pub fn command() -> String {
     let name = INVOCATION.get().and_then(|it| it.words.first()).map(|word| word.to_string_lossy().into_owned());
     format!("{} {}", name.unwrap_or_else(|| "foveate".into()), arguments())
 }
 
-/// The file that has the program's code.
+/// Returns the file that has the program's code.
 pub(crate) fn program() -> &'static Path {
     INVOCATION.get().map_or(Path::new("foveate"), |it| &it.program)
 }

@@ -1,9 +1,8 @@
 //! The `foveate` command: follow one target or many through video, on a CPU.
 //!
-//! [`main_with`] is the whole program, with parts of your own beside those of the library. Programs that only track use the crate
-//! `foveate`.
+//! [`main_with`] is the whole program, with your own parts beside those of the library. Programs that only track use the crate `foveate`.
 #![forbid(unsafe_code)]
-// `say!` instead: a reader that has gone is no reason to panic.
+// Use `say!` instead: a closed standard output must not cause a panic.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 #[macro_use]
@@ -16,17 +15,17 @@ pub mod runs;
 pub mod configure {
     pub use crate::cmd::configure::{Changes, read};
 }
-/// Training runs: glimpses to learn from, files, checkpoints, progress.
+/// Training runs: glimpses, files, checkpoints, progress.
 pub mod training {
     pub use crate::cmd::train::common::{Files, Glimpses, Natural, train};
 }
-/// Videos with known boxes.
+/// Videos with ground truth.
 pub mod videos {
     pub use crate::cmd::videos::{Video, of_sequence};
 }
 pub use invocation::{command, set as start};
 
-/// Boxes in the files of other programs: what `foveate convert` writes.
+/// Boxes in the files of other programs, as `foveate convert` writes them.
 pub mod convert {
     pub use crate::cmd::convert::{Boxes, Format, write_yolo};
 }
@@ -50,26 +49,26 @@ struct Cli {
 /// Options of every command.
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub struct Common {
-    /// Threads to use, 0 for all processors; results do not depend on it
+    /// Number of threads, 0 for all processors; results do not depend on it
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true, value_parser = clap::value_parser!(u16).range(..=1024))]
     threads: u16,
-    /// Memory that pictures, targets and settings may ask for, such as 512M or 6G; more is an error before it is taken. Left out, a
-    /// quarter of the machine's
+    /// Memory limit for pictures, targets and settings, such as 512M or 6G; exceeding it is an error. Default: a quarter of the machine's
+    /// memory
     #[arg(long, global = true, value_name = "SIZE", value_parser = foveate::memory::parse)]
     max_memory: Option<u64>,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    /// Try it: a learned gaze, a fixed and a random one on a drawn digit, each by small looks
+    /// Try a learned, a fixed and a random gaze on a drawn digit, with small glimpses
     Demo(cmd::demo::Args),
     /// Follow a target through a video file or a folder of images
     Track(Box<cmd::track::Args>),
-    /// Show what stands out or moves in a frame, and the candidates found there
+    /// Show salient or moving regions of a frame, and the candidates found there
     Look(cmd::look::Args),
     /// Watch the tracker in a browser: draw a box, pause, step back, correct, save
     Serve(cmd::serve::Args),
-    /// Draw a box in a browser, and get the command line that tracks it
+    /// Draw a box in a browser and print the command line that tracks it
     Pick(cmd::serve::PickArgs),
     /// Cut a video into tiles at several resolutions, for trackers that read regions of large pictures
     Tiles(cmd::tiles::Args),
@@ -77,7 +76,7 @@ enum Command {
     Synth(cmd::synth::Args),
     /// Train a model
     Train(cmd::train::Args),
-    /// Score trackers on sequences whose true boxes are known
+    /// Score trackers on sequences with ground truth
     Eval(cmd::eval::Args),
     /// Convert boxes between OTB, VOT, GOT-10k, MOTChallenge, COCO and CVAT
     Convert(cmd::convert::Args),
@@ -91,7 +90,7 @@ enum Command {
     Man(cmd::man::Args),
 }
 
-/// `FOVEATE_KERNELS=portable`, `avx2` or `avx512` takes these vector instructions at most: for comparing what they give.
+/// Limits the vector instructions to `FOVEATE_KERNELS=portable`, `avx2` or `avx512`, to compare their results.
 fn kernels() -> foveate::Result<()> {
     let Some(name) = std::env::var_os("FOVEATE_KERNELS") else { return Ok(()) };
     let level = foveate::KernelLevel::ALL.into_iter().find(|(n, _)| name == **n);
@@ -103,7 +102,7 @@ fn kernels() -> foveate::Result<()> {
     }
 }
 
-/// A pool of so many threads; 0: as many as there are cores.
+/// Creates a pool of `number` threads; 0 means one per core.
 fn threads(number: usize) -> foveate::Result<rayon::ThreadPool> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(number);
     let pool = pool.spawn_handler(|worker| foveate::thread::started(|| worker.run())).build();
@@ -111,15 +110,15 @@ fn threads(number: usize) -> foveate::Result<rayon::ThreadPool> {
 }
 
 impl Common {
-    /// Runs a command with so many threads and so much memory, and reports its error on standard error. Returns the exit status: 0,
-    /// 1 after an error, or that of the signal which stopped the command.
+    /// Runs a command with this number of threads and this memory limit, and reports its error on standard error. Returns the exit status:
+    /// 0, 1 after an error, or that of the signal that stopped the command.
     pub fn run(self, command: impl FnOnce() -> foveate::Result<()> + Send) -> u8 {
         foveate::memory::set_limit(self.max_memory.unwrap_or(0));
         if let Err(error) = kernels() {
             note!("foveate: {error}");
             return 1;
         }
-        // A decoder's panic is told as an error of its file, once.
+        // A decoder's panic is reported once, as an error of its file.
         let told = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
             if !foveate::quiet::is_caught() {
@@ -130,7 +129,7 @@ impl Common {
             Ok(()) => 0,
             Err(error) => {
                 note!("foveate: {error}");
-                // After a signal the status says which.
+                // After a signal the status identifies it.
                 if terminal::stopping() { terminal::stop_status() as u8 } else { 1 }
             }
         }
@@ -151,7 +150,7 @@ pub fn main_with(parts: Parts) -> ExitCode {
     run(std::env::args_os().collect(), program, parts).into()
 }
 
-/// Runs the program with these arguments, its own name first; `program` is the file that has its code: for another language's package.
+/// Runs the program with these arguments, its own name first; `program` is the file that has its code, for a package in another language.
 /// Returns the exit status: 0, or 1 after an error, which is on standard error. Wrong arguments, `--help` and a second Ctrl-C end the
 /// process.
 pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {

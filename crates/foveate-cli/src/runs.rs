@@ -1,8 +1,8 @@
-//! Runs of trackers on synthetic videos: done side by side, each kept in a file of its own, never done twice.
+//! Parallel runs of trackers on videos; each finished run is kept in its own file and never repeated.
 //!
-//! A run's file is named by a digest of all that the run depends on: configuration, model, program, video, digits, seed.
-//! So a store may be shared by experiments, filled by several machines ([`Store::shard`]), put together from several
-//! ([`Store::others`]), and killed at any time.
+//! A run's file is named by a digest of everything that the run depends on: configuration, model, program, video, digits, seed. Experiments
+//! can therefore share a store, several machines can fill it ([`Store::shard`]), it can be merged from several stores ([`Store::others`]),
+//! and it can be killed at any time.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -21,21 +21,21 @@ use sha2::{Digest, Sha256};
 
 use crate::terminal;
 
-/// Time between two lines of progress where standard error is a file.
+/// Interval between two progress lines if standard error is a file.
 const REPORT: Duration = Duration::from_secs(30);
 
-/// A configuration, checked.
+/// A checked configuration.
 pub struct Entry {
-    /// The parts that it has.
+    /// The parts of the configuration.
     pub blueprint: Blueprint,
     /// A digest of its boxes on a small fixed video: [`experiment::fingerprint`].
     pub fingerprint: String,
-    /// What its results depend on: configuration, model, program, and how it is run.
+    /// A digest of what its results depend on: configuration, model, program, and how it is run.
     pub key: String,
 }
 
 impl Entry {
-    /// `how` tells it from other ways to run the same configuration.
+    /// Creates the entry of a configuration; `how` distinguishes different ways to run it.
     pub fn of(blueprint: Blueprint, how: &str) -> Result<Self> {
         let (version, text) = (env!("CARGO_PKG_VERSION"), blueprint.config().to_toml());
         let fingerprint = experiment::fingerprint(&blueprint)?;
@@ -44,12 +44,12 @@ impl Entry {
     }
 }
 
-/// Does a job: its run, and the text of its file.
+/// Does a job: returns its run, and the text of its file.
 pub type Making<'a, J, R> = dyn Fn(&J) -> Result<(R, Vec<u8>)> + Sync + 'a;
 
-/// What a file keeps of a finished run.
+/// The stored content of a finished run.
 pub trait Finished: Serialize + DeserializeOwned + Clone + Send {
-    /// Whether it could be that of a video of so many frames: a check of what was read from a file.
+    /// Returns whether it can belong to a video with this number of frames: a check of a file's content.
     fn is_of(&self, frames: usize) -> bool;
 }
 
@@ -59,7 +59,7 @@ impl Finished for Run {
     }
 }
 
-/// A part of the runs as `--shard` has it: `1/4` is (0, 4).
+/// Parses a part of the runs as `--shard` gives it: `1/4` is (0, 4).
 pub fn parse_shard(text: &str) -> std::result::Result<(u32, u32), String> {
     let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse::<u32>().ok()?, n.parse::<u32>().ok()?)));
     match parts {
@@ -68,45 +68,45 @@ pub fn parse_shard(text: &str) -> std::result::Result<(u32, u32), String> {
     }
 }
 
-/// Says what to do with a part of the runs.
+/// Prints what to do with a part of the runs.
 pub fn part_is_done(out: &Path) {
     say!("{}: this part is done. Put all parts together by the same command without --shard and with", out.display());
     say!("--merge DIR for each part's folder.");
 }
 
-/// It was asked to stop: what is finished is kept there.
+/// Returns the error of a stopped command; finished runs are kept in `kept`.
 pub fn stopped(kept: &Path) -> Error {
     Error::Invalid(format!("stopped; the same command goes on with {}", kept.display()))
 }
 
-/// A name for these digits.
+/// Returns a digest of these digits.
 pub fn pixels(digits: &Digits) -> String {
     experiment::digest(&[&digits.images, &digits.labels])
 }
 
-/// The text of a run's file.
+/// Returns the text of a run's file.
 pub fn text(run: &impl Serialize) -> Result<Vec<u8>> {
     serde_json::to_vec(run).map_err(|e| Error::Invalid(e.to_string()))
 }
 
-/// Where finished runs are kept.
+/// The store of finished runs.
 #[derive(Clone, Debug, Default)]
 pub struct Store {
-    /// One file a run.
+    /// The folder, with one file per run.
     pub folder: PathBuf,
-    /// Folders of other stores, from which runs are taken that are not here yet.
+    /// Folders of other stores, from which missing runs are copied.
     pub others: Vec<PathBuf>,
     /// Do only the `i`-th of `n` parts of the runs, `i` from 0.
     pub shard: Option<(u32, u32)>,
 }
 
 impl Store {
-    /// The folder `runs` in `out`.
+    /// Returns the store in the folder `runs` of `out`.
     pub fn of(out: &Path) -> Self {
         Self { folder: out.join("runs"), ..Self::default() }
     }
 
-    /// That of `out`, which also takes runs from others' folders `merge`, and does a part only.
+    /// Returns the store of `out`, which also takes runs from the folders `merge`, and does only a part of the runs.
     ///
     /// # Errors
     /// One of `merge` has no finished runs.
@@ -121,8 +121,8 @@ impl Store {
         }
     }
 
-    /// The runs of all jobs, in their order; those whose file, named by `key`, is nowhere yet are made and put there as the
-    /// text that comes with them. Runs of another shard are missing, and what was left when it was asked to stop.
+    /// Returns the runs of all jobs, in their order. `key` names a job's file; if no store has it, the run is made and its text is written.
+    /// Runs of another shard are missing, and so are the remaining runs if the program is stopped.
     pub fn finished<J: Sync, R: Finished>(
         &self,
         name: &str,
@@ -162,7 +162,7 @@ impl Store {
         Ok(runs)
     }
 
-    /// One run, of so many frames: that of the file which `key` names, or else the one that is made and put there.
+    /// Returns one run with this number of frames: from the file named by `key`, or newly made and stored there.
     pub fn one<R: Finished>(&self, key: &str, frames: usize, make: impl FnOnce() -> Result<(R, Vec<u8>)>) -> Result<R> {
         let path = self.path(key);
         if let Some(run) = self.find(&path, frames)? {
@@ -173,7 +173,7 @@ impl Store {
         Ok(run)
     }
 
-    /// Removes the files that these keys name, and their folder where nothing else is in it.
+    /// Removes the files with these keys, and their folder if it is then empty.
     pub fn forget(&self, keys: impl IntoIterator<Item = String>) -> Result<()> {
         for path in keys.into_iter().map(|key| self.path(&key)) {
             match std::fs::remove_file(&path) {
@@ -181,17 +181,17 @@ impl Store {
                 _ => {}
             }
         }
-        // It may hold others' runs.
+        // The folder may hold other runs.
         let _ = std::fs::remove_dir(&self.folder);
         Ok(())
     }
 
-    /// The file of a run.
+    /// Returns the file of a run.
     fn path(&self, key: &str) -> PathBuf {
         self.folder.join(format!("{key}.json"))
     }
 
-    /// A finished run, here or in another store; what is found elsewhere is put here.
+    /// Finds a finished run in this store or another one; copies it here from another one.
     fn find<R: Finished>(&self, path: &Path, frames: usize) -> Result<Option<R>> {
         if let Some(run) = read(path, frames) {
             return Ok(Some(run));
@@ -210,7 +210,7 @@ impl Store {
     }
 }
 
-/// A finished run; `None` where there is none, or its file is damaged.
+/// Reads a finished run; `None` if the file is missing or damaged.
 fn read<R: Finished>(path: &Path, frames: usize) -> Option<R> {
     let bytes = files::read(path, files::TEXT).ok()?;
     let run: R = serde_json::from_slice(unsealed(path, &bytes)?).ok()?;
@@ -221,14 +221,14 @@ fn put(path: &Path, text: &[u8]) -> Result<()> {
     files::write_inside(path, &sealed(path, text))
 }
 
-/// The text of a run with a checksum after it, of its text and of what the run is: neither may be of another one.
+/// Returns the text of a run followed by a checksum of the text and the run's name, so that neither can belong to another run.
 fn sealed(path: &Path, text: &[u8]) -> Vec<u8> {
     let mut all = text.to_vec();
     all.extend(format!("\n{}\n", seal(path, text)).bytes());
     all
 }
 
-/// The text, where its checksum is right.
+/// Returns the text if its checksum is right.
 fn unsealed<'a>(path: &Path, bytes: &'a [u8]) -> Option<&'a [u8]> {
     let all = bytes.strip_suffix(b"\n")?;
     let (text, sum) = all.split_at(all.iter().rposition(|byte| *byte == b'\n')?);
@@ -242,15 +242,15 @@ fn seal(path: &Path, text: &[u8]) -> String {
     sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Does all jobs, as many at a time as there are threads and each one in a single thread; the results stand in the order
-/// of the jobs, and are missing where it was asked to stop.
+/// Does all jobs, as many at a time as there are threads and each in a single thread. The results are in the order of the jobs, and are
+/// missing if the program was stopped.
 fn side_by_side<J: Sync, R: Finished>(
     jobs: &[J],
     work: &(dyn Fn(&J) -> Result<Option<R>> + Sync),
 ) -> Result<Vec<Option<R>>> {
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
     let runs = Mutex::new(vec![None; jobs.len()]);
-    // A pool of one thread: what the tracker shares out stays in its own job, or times would be those of several.
+    // The pool has one thread, so that a tracker's parallel work stays in its own job and times are those of one thread.
     let worker = || -> Result<()> {
         let pool = crate::threads(1)?;
         while !terminal::stopping() && !failed.load(Ordering::Relaxed) {
@@ -264,7 +264,7 @@ fn side_by_side<J: Sync, R: Finished>(
     };
     std::thread::scope(|scope| {
         let more = 1..rayon::current_num_threads();
-        // Those that the system gives; this one works in any case.
+        // Use as many threads as the system provides; the current thread always works.
         let workers: Vec<_> =
             more.map_while(|_| std::thread::Builder::new().spawn_scoped(scope, worker).ok()).collect();
         worker()?;
@@ -273,7 +273,7 @@ fn side_by_side<J: Sync, R: Finished>(
     Ok(runs.into_inner().expect("all threads have ended"))
 }
 
-/// Progress and time left: a bar on a terminal, else a line now and then.
+/// Progress and remaining time: a bar on a terminal, otherwise a line at intervals.
 struct Progress {
     name: String,
     bar: indicatif::ProgressBar,
@@ -287,7 +287,7 @@ impl Progress {
         let (bar, now) = (terminal::progress(Some(jobs), name), Instant::now());
         Self { name: name.into(), bar, began: now, done: AtomicUsize::new(0), said: Mutex::new(now) }
     }
-    /// One job needed no work.
+    /// Counts a job that needed no work.
     fn found(&self) {
         self.bar.inc(1);
     }

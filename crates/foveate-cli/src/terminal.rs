@@ -1,4 +1,4 @@
-//! The terminal: results on standard output, progress on standard error, and Ctrl-C as a request to stop in good order.
+//! The terminal: results on standard output, progress on standard error, and Ctrl-C as a request to stop cleanly.
 
 use std::borrow::Cow;
 use std::io::{ErrorKind, Write};
@@ -7,13 +7,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A line on standard output, as `println!` writes it. Where the reader has gone (`foveate eval | head`) the work goes on without it.
+/// Prints a line on standard output as `println!` does. If the reader has closed it (`foveate eval | head`), the work continues.
 #[macro_export]
 macro_rules! say {
     ($($words:tt)*) => { $crate::terminal::put(format_args!("{}\n", format_args!($($words)*))) };
 }
 
-/// A line on standard error, where that can be written: `eprintln!` panics where it cannot, on a full device.
+/// Prints a line on standard error, if possible: `eprintln!` panics if it cannot write, for example on a full device.
 #[macro_export]
 macro_rules! note {
     ($($words:tt)*) => { $crate::terminal::note(format_args!("{}\n", format_args!($($words)*))) };
@@ -21,7 +21,7 @@ macro_rules! note {
 
 static OUTPUT_TAKEN: AtomicBool = AtomicBool::new(false);
 
-/// From now on standard output is for the lines of `--stream`, or for a [`document`]; what is said goes to standard error.
+/// Reserves standard output for the lines of `--stream` or for a [`document`]; messages then go to standard error.
 pub fn give_output() {
     OUTPUT_TAKEN.store(true, Ordering::SeqCst);
 }
@@ -34,7 +34,7 @@ pub fn put(text: std::fmt::Arguments<'_>) {
     document(text);
 }
 
-/// Writes to standard output, whoever has it: what it was given for.
+/// Writes to standard output even if it is reserved.
 pub fn document(text: std::fmt::Arguments<'_>) {
     match std::io::stdout().write_all(harmless(&text.to_string()).as_bytes()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
@@ -45,12 +45,13 @@ pub fn document(text: std::fmt::Arguments<'_>) {
     }
 }
 
-/// Writes to standard error, where that can be written.
+/// Writes to standard error, if possible.
 pub fn note(text: std::fmt::Arguments<'_>) {
     let _ = std::io::stderr().write_all(harmless(&text.to_string()).as_bytes());
 }
 
-/// The text with its control characters shown: names of files and classes are other people's, and a terminal obeys.
+/// Replaces control characters in the text with visible ones: names of files and classes come from other people, and a terminal would
+/// execute them.
 fn harmless(text: &str) -> Cow<'_, str> {
     let harms = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
     match text.contains(harms) {
@@ -59,10 +60,10 @@ fn harmless(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// The status to end with once asked to stop; 0 until then.
+/// The exit status after a stop request; 0 until then.
 static STOP: AtomicI32 = AtomicI32::new(0);
 
-/// From now on Ctrl-C (or a polite kill) asks to stop; a second one ends the program at once.
+/// Makes Ctrl-C, SIGTERM and SIGHUP request a stop; a second signal ends the program at once.
 pub fn catch_interrupts() {
     static CAUGHT: AtomicBool = AtomicBool::new(false);
     if !CAUGHT.swap(true, Ordering::SeqCst) {
@@ -70,15 +71,15 @@ pub fn catch_interrupts() {
     }
 }
 
-/// What is to be told when it is asked to stop.
+/// The flags to set on a stop request.
 static TOLD: Mutex<Vec<Arc<AtomicBool>>> = Mutex::new(Vec::new());
 
-/// Sets a flag when it is asked to stop.
+/// Registers a flag that is set on a stop request.
 pub fn tell_stop(flag: Arc<AtomicBool>) {
     TOLD.lock().unwrap_or_else(PoisonError::into_inner).push(flag);
 }
 
-/// Asked to stop by a signal of this number.
+/// Handles a stop request by this signal.
 fn asked(signal: i32) {
     if STOP.swap(128 + signal, Ordering::SeqCst) != 0 {
         std::process::exit(128 + signal);
@@ -90,7 +91,7 @@ fn asked(signal: i32) {
 #[cfg(unix)]
 fn catch() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    // Where they cannot be caught they end the program, as ever.
+    // If signals cannot be caught, they end the program as usual.
     let (caught, ready) = std::sync::mpsc::sync_channel(1);
     let wait = move || {
         let signals = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM]);
@@ -109,17 +110,17 @@ fn catch() {
     let _ = ctrlc::set_handler(|| asked(2));
 }
 
-/// Whether it was asked to stop.
+/// Returns whether a stop was requested.
 pub fn stopping() -> bool {
     STOP.load(Ordering::SeqCst) != 0
 }
 
-/// The exit status of a run that was asked to stop: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+/// Returns the exit status of a stopped run: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
 pub fn stop_status() -> i32 {
     STOP.load(Ordering::SeqCst)
 }
 
-/// A progress bar, or a count where the length is unknown; nothing where standard error is not a terminal.
+/// Creates a progress bar, or a counter if the length is unknown; hidden if standard error is not a terminal.
 pub fn progress(length: Option<usize>, what: &str) -> ProgressBar {
     let bar = match length {
         Some(n) => {

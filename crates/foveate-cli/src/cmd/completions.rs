@@ -1,10 +1,10 @@
-//! `foveate completions`: what a shell needs to complete commands and options.
+//! Implements `foveate completions`: shell completions of commands and options.
 
 use foveate::{Error, Result};
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The shell; for bash: foveate completions bash > ~/.local/share/bash-completion/completions/foveate
+    /// Shell; for bash: foveate completions bash > ~/.local/share/bash-completion/completions/foveate
     #[arg(value_enum)]
     shell: clap_complete::Shell,
 }

@@ -7,8 +7,8 @@ use foveate::{Error, Result};
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Print this one, as TOML, to be changed and given to --config; left out, all are listed: name, gaze policy, rings of the
-    /// retina in template pixels (window/cell, from the inside out), and what it is for
+    /// Configuration to print as TOML, as a starting point for a --config file. If omitted, list all configurations: name, gaze policy,
+    /// retina rings (window/cell in template pixels, innermost first) and purpose
     name: Option<String>,
 }
 
@@ -44,7 +44,7 @@ fn list() -> Result<()> {
     Ok(())
 }
 
-/// The windows of a retina and the cells in them, as `8/1 16/2 24/4`, in units of its smallest cell; `+` before those that read
+/// Returns the windows of a retina and their cells, as `8/1 16/2 24/4`, in units of the smallest cell. A `+` precedes the windows that read
 /// colour.
 pub(crate) fn rings(retina: &dyn Retina) -> String {
     let finest = retina.cells().iter().map(|c| c.half).fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! The configuration of a run: a file, or one that ships by name or by profile, and what the command line changes in it.
+//! The configuration of a run: a file, or a shipped configuration by name or profile, with the changes of the command line.
 
 use std::path::Path;
 
@@ -11,18 +11,18 @@ use foveate::{Error, Result};
 
 use crate::invocation;
 
-/// Configurations for real video, by the time they take.
+/// Configurations for real video, by speed.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub(crate) enum Profile {
-    /// A quarter of the particles, nearly three times the speed: natural-fast
+    /// A quarter of the particles at nearly three times the speed: natural-fast
     Fast,
-    /// What is taken unless told otherwise: natural
+    /// The default: natural
     Balanced,
-    /// Three of it that vote, a third of its speed on one core; fewest failures: natural-committee
+    /// Three natural trackers that vote, at a third of the speed on one core; fewest failures: natural-committee
     Accurate,
 }
 
-/// The configuration asked for by name or by profile; `natural` unless told otherwise.
+/// Returns the name given by the name or the profile; `natural` by default.
 pub(crate) fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
     let profile = match profile {
         Some(Profile::Fast) => foveate::Profile::Fast,
@@ -32,25 +32,25 @@ pub(crate) fn config_name(config: Option<&str>, profile: Option<Profile>) -> &st
     config.unwrap_or(profile.name())
 }
 
-/// What the command line changes in a configuration.
+/// Changes that the command line makes to a configuration.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct Changes {
-    /// Gaze policy in the place of the configuration's, with its default settings (where it has a grid: 3 x 3 gazes that reach
-    /// half-way to the box's edge); --set policy.KEY=VALUE changes them
+    /// Gaze policy that replaces the configuration's, with its default settings; change them with --set policy.KEY=VALUE. A policy with a
+    /// grid gets 3 x 3 gazes that reach half-way to the box's edge
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(POLICIES))]
     pub policy: Option<String>,
-    /// Change one setting of the configuration, for example particles=400 or policy.grid.reach=0.3; KEY=none leaves one out; may be given several times
+    /// Change one setting of the configuration, for example particles=400 or policy.grid.reach=0.3. KEY=none removes a setting. Repeatable
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }
 
 impl Changes {
-    /// Settings alone.
+    /// Returns these settings without a gaze policy.
     pub fn of(set: &[String]) -> Self {
         Self { policy: None, set: set.to_vec() }
     }
 
-    /// Those of one section, and all others.
+    /// Splits the changes into those of one section and all others.
     pub fn apart(&self, section: &str) -> (Self, Self) {
         let of =
             |setting: &&String| setting.trim_start().strip_prefix(section).is_some_and(|rest| rest.starts_with('.'));
@@ -59,7 +59,7 @@ impl Changes {
         (Self { policy: None, set: some(ours) }, Self { policy: self.policy.clone(), set: some(others) })
     }
 
-    /// The configuration, changed.
+    /// Applies the changes to a configuration.
     pub fn make(&self, mut config: Config) -> Result<Config> {
         if let Some(name) = &self.policy {
             config = config.with_policy(name)?;
@@ -67,7 +67,7 @@ impl Changes {
         self.set.iter().try_fold(config, |config, setting| config.set(setting))
     }
 
-    /// A configuration's name, and what was changed in it.
+    /// Returns the configuration's name followed by the changes.
     pub fn describe(&self, name: &str) -> String {
         let policy = self.policy.iter().map(|policy| format!("policy {policy}"));
         let all: Vec<String> = std::iter::once(name.to_owned()).chain(policy).chain(self.set.iter().cloned()).collect();
@@ -75,7 +75,7 @@ impl Changes {
     }
 }
 
-/// A configuration by file or by name, with changes; and the folder that its model files are relative to.
+/// Reads a configuration from a file or by name and applies the changes. Also returns the folder that its model files are relative to.
 pub fn read(name: &str, changes: &Changes) -> Result<(Config, Folder)> {
     let (path, parts) = (Path::new(name), invocation::parts());
     let (config, folder) = match Config::builtin(name) {

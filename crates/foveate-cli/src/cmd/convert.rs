@@ -1,4 +1,4 @@
-//! `foveate convert`: boxes from one format into another.
+//! Implements `foveate convert`: converts boxes from one format to another.
 
 mod coco;
 mod cvat;
@@ -16,74 +16,76 @@ use foveate::{Error, Result};
 use super::results::spare;
 pub use yolo::write as write_yolo;
 
-/// The longest video, frames: a number beyond it is damage.
+/// Maximum length of a video in frames; a larger frame number indicates a damaged file.
 const MOST: usize = 1_000_000;
 
-/// A format of boxes in files.
+/// A file format for boxes.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
 pub enum Format {
-    /// OTB's groundtruth_rect.txt, and boxes.txt of `foveate track`: x,y,w,h a frame, counted from 1; NaN where there is none
+    /// OTB's groundtruth_rect.txt and boxes.txt of `foveate track`: x,y,w,h per frame, counted from 1; NaN for no box
     Otb,
-    /// VOT's groundtruth.txt: x,y,w,h or a polygon a frame, counted from 0
+    /// VOT's groundtruth.txt: x,y,w,h or a polygon per frame, counted from 0
     Vot,
-    /// GOT-10k's groundtruth.txt, as OTB's; absence.label lies beside it
+    /// GOT-10k's groundtruth.txt, as OTB's, with absence.label beside it
     Got10k,
     /// MOTChallenge's gt.txt, and tracks.txt of `foveate track`: frame,id,x,y,w,h,conf,... counted from 1
     Mot,
-    /// COCO's JSON; who it is stands in track_id of an annotation
+    /// COCO's JSON; the annotation's track_id identifies the target
     Coco,
     /// CVAT for video 1.1, XML
     Cvat,
 }
 
 impl Format {
-    /// By name, as on the command line.
+    /// Returns the format with this command-line name.
     pub fn named(name: &str) -> Option<Self> {
         Self::from_str(name, false).ok()
     }
 
-    /// The names.
+    /// Returns the names of all formats.
     pub fn names() -> Vec<String> {
         Self::value_variants().iter().filter_map(|f| Some(f.to_possible_value()?.get_name().to_owned())).collect()
     }
 }
 
-/// Convert boxes from one format into another.
+/// Convert boxes from one format to another.
 ///
-/// What the other format cannot hold is told, a line each. Where a format of one target gets several, give --id.
+/// Print one line for each kind of information that the output format cannot hold. If the output format holds one target and the input has
+/// several, select one with --id.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The file to read
+    /// Input file
     input: PathBuf,
-    /// The file to write; it is replaced where it is there
+    /// Output file; an existing file is replaced
     output: PathBuf,
-    /// What the first file is
+    /// Format of the input file
     #[arg(long, value_enum)]
     from: Format,
-    /// What to write
+    /// Format of the output file
     #[arg(long, value_enum)]
     to: Format,
-    /// Take this target alone, by its id in the file
+    /// Convert only the target with this id
     #[arg(long, allow_hyphen_values = true)]
     id: Option<i64>,
 }
 
-/// Boxes of a video, and what was lost on the way.
+/// The boxes of a video and the information lost in conversion.
 #[derive(Debug, Default, PartialEq)]
 pub struct Boxes {
-    /// The boxes; ids as in the file, 1 where it has none.
+    /// The boxes; ids as in the file, or 1 if the file has none.
     tracks: Vec<TrackBox>,
-    /// Frames of the video, as far as the file tells.
+    /// Number of frames of the video, as far as the file states it.
     frames: usize,
-    /// What the format read or written does not hold, in words.
+    /// Descriptions of the information that the input or output format does not hold.
     lost: Vec<String>,
 }
 
 impl Boxes {
-    /// Boxes of a video of so many frames.
+    /// Creates the boxes of a video with this number of frames.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where a box has no area, is not finite or beyond the last frame, or two are of one target in one frame.
+    /// [`Error::Invalid`] if a box has no area, is not finite or lies beyond the last frame, or if two boxes belong to one target in one
+    /// frame.
     pub fn new(tracks: Vec<TrackBox>, frames: usize) -> Result<Self> {
         let mut boxes = Self { tracks, frames, lost: vec![] };
         if frames > MOST {
@@ -99,7 +101,7 @@ impl Boxes {
         Ok(boxes)
     }
 
-    /// Writes them; returns what the format does not hold, a sentence each.
+    /// Writes the boxes. Returns one sentence for each kind of information that the format does not hold.
     ///
     /// # Errors
     /// The format cannot hold these boxes, or the file cannot be written.
@@ -108,7 +110,7 @@ impl Boxes {
         Ok(self.lost)
     }
 
-    /// By frame, then by target.
+    /// Sorts the boxes by frame, then by target.
     fn put_in_order(&mut self) -> std::result::Result<(), String> {
         let mut seen = BTreeSet::new();
         if let Some(b) = self.tracks.iter().find(|b| b.id >= 0 && !seen.insert((b.frame, b.id))) {
@@ -118,19 +120,19 @@ impl Boxes {
         Ok(())
     }
 
-    /// Notes that some of the boxes lose something.
+    /// Records that `count` boxes lose information.
     fn lose(&mut self, count: usize, what: &str) {
         if count > 0 {
             self.lost.push(format!("{count} {what}"));
         }
     }
 
-    /// Who is there, in order.
+    /// Returns the target ids in ascending order.
     fn ids(&self) -> BTreeSet<i64> {
         self.tracks.iter().map(|b| b.id).collect()
     }
 
-    /// Notes confidences other than 1, which the format written does not hold.
+    /// Records confidences other than 1, which the output format does not hold.
     fn lose_confidence(&mut self) {
         let unsure = self.tracks.iter().filter(|b| b.confidence != 1.0).count();
         self.lose(unsure, "confidences other than 1 are left out");

@@ -1,4 +1,4 @@
-//! `foveate demo`: the main job, and what learning where to look is worth, with nothing downloaded by hand.
+//! Implements `foveate demo`: tracks a drawn digit and compares a learned gaze policy with fixed and random gazes. It needs no download.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -23,37 +23,37 @@ use crate::terminal;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Folder for the results; open report.html in it
+    /// Output folder; open report.html in it
     #[arg(long, short, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
-    /// What is drawn
+    /// Scene to draw
     #[arg(long, value_enum, default_value_t = Scene::Glimpse)]
     scene: Scene,
-    /// The digit to follow, 0 to 9 [default: 2 by small looks, 3 in clutter]
+    /// Digit to follow, 0 to 9 [default: 2 with small glimpses, 3 in clutter]
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=9))]
     digit: Option<u8>,
-    /// Seed of the scene and of the tracker: the same seed gives the same run
+    /// Random seed of the scene and the tracker; the same seed gives the same run
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// A configuration file, or the name of one that ships with the program and is for digits [default: digits-partial with a smaller
-    /// look, digits-hedge in clutter]
+    /// Configuration file, or the name of a shipped configuration for digits [default: digits-partial with a smaller glimpse, digits-hedge
+    /// in clutter]
     #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
     #[command(flatten)]
     changes: Changes,
-    /// Write trace.jsonl too: every intermediate quantity of every frame
+    /// Also write trace.jsonl: every intermediate quantity of every frame
     #[arg(long)]
     trace: bool,
 }
 
-/// The digit of small looks: few places of a 2 tell where it is, and the middle is none of them.
+/// The digit of the glimpse scene: few places of a 2 locate it, and its centre is not one of them.
 const DIGIT: u8 = 2;
 
-/// What the film aims at, bits a second.
+/// Target bit rate of the film, bits per second.
 const BIT_RATE: f64 = 6e6;
 
 impl Args {
-    /// Whether the run is one of those that [`TEN_SEEDS`] sums up.
+    /// Returns whether [`TEN_SEEDS`] summarises runs with these arguments.
     fn is_usual(&self) -> bool {
         let Self { scene, digit, config, changes, .. } = self;
         let as_shipped = config.is_none() && changes.policy.is_none() && changes.set.is_empty();
@@ -63,22 +63,23 @@ impl Args {
 
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq)]
 enum Scene {
-    /// A digit behind bars under 30 % noise; a look sees 25 of its 784 pixels
+    /// A digit behind bars under 30 % noise; a glimpse covers 25 of its 784 pixels
     Glimpse,
     /// A digit among digits
     Clutter,
 }
 
-/// Mean error over ten runs of the scene that `foveate demo` shows unless told otherwise, and its standard deviation over them:
-/// docs/looking.md, "The demo", has the command.
+/// Mean error of ten runs of the default scene of `foveate demo`, and its standard deviation over the runs. The section "The demo" of
+/// docs/looking.md has the command.
 const TEN_SEEDS: &str = "Over ten other runs of this scene GP-UCB is 3.1 ± 1.3 px off, the fixed centre 7.9 ± 9.5 px, random gazes 8.6 ± 11.5 px";
 
 impl Scene {
-    /// The scene itself, what it shows in words, and the configuration for it, with what is to be changed in that.
+    /// Returns the scene, its description, and its configuration with the changes to it.
     fn draw(self, digit: Option<u8>, seed: u64) -> (Synthetic, String, &'static str, &'static [&'static str]) {
         match self {
             Self::Glimpse => {
-                // A small canvas, to be shown enlarged; two thirds of the usual length, as three panes take time to draw.
+                // The canvas is small and shown enlarged. The film has two thirds of the usual length, because three panes take time to
+                // draw.
                 let (digit, side) = (digit.unwrap_or(DIGIT), 160);
                 let scene = Occlusion { digit, seed, frames: 200, width: side, height: side, ..Occlusion::default() };
                 let words = format!(
@@ -98,7 +99,7 @@ impl Scene {
     }
 }
 
-/// What the gaze policy is compared with: the policies that learn nothing, and what their gazes are called.
+/// Baseline policies without learning, and the names of their gazes.
 const UNLEARNED: [(&str, &str); 2] = [("fixed", "fixed centre"), ("random", "random gazes")];
 
 pub(crate) fn run(args: Args) -> Result<()> {
@@ -121,7 +122,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let mut tracker = blueprint.tracker(args.seed)?;
     let mut info = run_info(&described, source.info(), &changes.describe(config_name), &blueprint, args.seed);
     info.truth = truth.iter().copied().map(Some).collect();
-    // Noise spares no bits: without an aim the film is ten times as large.
+    // Noise compresses badly: without a target bit rate the film is ten times as large.
     info.bit_rate = Some(BIT_RATE);
     info.baselines = others.iter().map(|(_, baseline)| baseline.clone()).collect();
     let surface = SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
@@ -131,7 +132,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let results = Results::begin(&args.out, &names, &[config_name.as_ref()])?;
     let failed = FailedOutputs::default();
     let mut observers = outputs.observers(results.folder(), &info, &failed)?;
-    // The same tracker with gazes that learn nothing, on the same frames.
+    // Run the same tracker with policies that learn nothing on the same frames.
     let path = results.folder().join("annotated.mp4");
     let name = format!("{}gaze: {policy}", if learning { "learned " } else { "" });
     let film = SideBySide::create(path, &info, name, others)?;
@@ -184,12 +185,12 @@ pub(crate) fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// How a track compares with the truth.
+/// Prints the comparison of a track with the ground truth.
 fn tell(policy: &str, boxes: &[BBox], truth: &[BBox], values: usize) -> Result<()> {
     let centres = |boxes: &[BBox]| boxes.iter().map(BBox::centre).collect::<Vec<_>>();
     let (ours, real) = (centres(boxes), centres(&truth[..boxes.len()]));
     let score = score_centres(&ours, &real)?;
-    // Half a side: farther off than this, the centre is off the digit.
+    // Half a side: at a larger distance the estimated centre is off the digit.
     let most = truth[0].w / 2.0;
     let off = ours.iter().zip(&real).filter(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1) > most).count();
     let (mean, median) = (score.mean, score.median);
@@ -200,7 +201,7 @@ fn tell(policy: &str, boxes: &[BBox], truth: &[BBox], values: usize) -> Result<(
     Ok(())
 }
 
-/// Refuses configurations that ship for real video: on strokes on black they lose the digit.
+/// Refuses configurations for real video: they lose digits made of strokes on black.
 fn fits(name: &str) -> Result<()> {
     let real = |name: &str| name.starts_with("natural") || name.starts_with("multi");
     let mut fitting = Config::names();
@@ -215,7 +216,7 @@ fn fits(name: &str) -> Result<()> {
     )))
 }
 
-/// Whether a policy learns where to look.
+/// Returns whether a policy learns where to look.
 fn learns(policy: &PolicyConfig) -> bool {
     match policy {
         PolicyConfig::Fixed { .. } | PolicyConfig::Random { .. } | PolicyConfig::Circular { .. } => false,
@@ -224,7 +225,7 @@ fn learns(policy: &PolicyConfig) -> bool {
     }
 }
 
-/// Which gaze the policy has come to prefer, in words; none where it has no choice.
+/// Describes the gaze that the policy prefers; `None` if it has no choice.
 fn favourite(learned: PolicySnapshot<'_>) -> Option<String> {
     let place = |u: f64, v: f64| format!("({u:+.1}, {v:+.1}) of the box (0, 0 is its centre, 1 its edge)");
     match learned {
@@ -263,7 +264,7 @@ mod tests {
         }
     }
 
-    /// What the demo claims: the learned gaze is nearer than both that learn nothing, over three seeds.
+    /// The demo's claim: over three seeds the learned gaze has a smaller error than both baselines.
     #[test]
     fn a_learned_gaze_is_ahead_of_both_others() {
         let error = |policy: &str, seed: u64| {

@@ -1,4 +1,4 @@
-//! `foveate eval`: scores trackers on sequences with truth: of one target (one-pass evaluation, as OTB does it), of many.
+//! Implements `foveate eval`: scores trackers on sequences with ground truth, for one target (one-pass evaluation, as OTB does it) or many.
 
 mod choose;
 mod grid;
@@ -23,71 +23,70 @@ use super::results::InPlace;
 use crate::runs::{self, Entry, Store};
 use crate::terminal;
 
-/// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
+/// Score trackers on sequences with ground truth (one-pass evaluation, as OTB does it).
 ///
-/// Without --results, foveate itself is run on every sequence, from the true box of frame 1, and scored; and so is what it
-/// says about being lost: calibration, false alarms, frames to notice a loss, coverage of credible regions.
+/// Without --results, run foveate on every sequence from the true box of frame 1 and score the tracks. Also score the loss detection:
+/// calibration, false alarms, frames until a loss is detected, coverage of credible regions.
 ///
-/// By attribute of the sequences (occlusion, fast motion, ...) and by half stand the figures of foveate and of every peer. With
-/// --choose, settings are chosen on one half of the sequences and judged on the other, both ways.
+/// Compare foveate with every peer by attribute of the sequences (occlusion, fast motion, ...) and by half. With --choose, choose settings
+/// on one half of the sequences and test them on the other, both ways.
 ///
-/// With --mot, tracks of many targets are scored instead: MOTA, IDF1, HOTA and what they are made of, as TrackEval has them:
-/// foveate eval --mot --truth DIR --results DIR
+/// With --mot, score tracks of many targets: MOTA, IDF1, HOTA and their components, as TrackEval computes them: foveate eval --mot --truth
+/// DIR --results DIR
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Sequences in the layout of OTB (groundtruth_rect.txt, img/), VOT, GOT-10k or LaSOT (groundtruth.txt), or folders that hold them
+    /// Sequences in the layout of OTB (groundtruth_rect.txt, img/), VOT, GOT-10k or LaSOT (groundtruth.txt), or folders of sequences
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "mot")]
     pub seqs: Vec<PathBuf>,
-    /// Score tracks of many targets in MOTChallenge's text (frame,id,x,y,w,h,conf,...) instead
+    /// Score tracks of many targets in MOTChallenge's text format (frame,id,x,y,w,h,conf,...)
     #[arg(long, requires_all = ["truth", "results"], conflicts_with_all = ["seqs", "config", "policy", "set", "seed", "seeds"])]
     pub mot: bool,
-    /// With --mot: sequences (gt/gt.txt, seqinfo.ini), folders that hold them, or files of true tracks.
-    /// Rows whose conf is 0 do not count; classes are not read
+    /// With --mot: sequences (gt/gt.txt, seqinfo.ini), folders of sequences, or files of true tracks. Rows with conf 0 do not count;
+    /// classes are ignored
     #[arg(long, value_name = "DIR|FILE", num_args = 1.., requires = "mot")]
     pub truth: Vec<PathBuf>,
-    /// Score these results instead: a folder for each tracker, or one that holds such folders, with SEQUENCE.txt (x,y,w,h a
-    /// frame, counted from 1) and, for frames per second, SEQUENCE_time.txt (seconds a frame), or these in seed-1, seed-2 ...;
-    /// the curves of the first are drawn thickest. With --mot: SEQUENCE.txt, data/SEQUENCE.txt or
-    /// SEQUENCE/tracks.txt, or a file for the only sequence
+    /// Score these results instead of running foveate: a folder for each tracker, or a folder of such folders. Each has SEQUENCE.txt
+    /// (x,y,w,h per frame, counted from 1) and, for frames per second, SEQUENCE_time.txt (seconds per frame), either directly or in seed-1,
+    /// seed-2 ... The first tracker's curves are drawn thickest. With --mot: SEQUENCE.txt, data/SEQUENCE.txt or SEQUENCE/tracks.txt, or one
+    /// file if there is one sequence
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["policy", "set"])]
     pub results: Vec<PathBuf>,
-    /// Results of other trackers, to stand beside foveate's own in table and curves: folders as --results has them
+    /// Results of other trackers to compare with foveate's in the table and the curves: folders as for --results
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["results", "mot"])]
     pub peers: Vec<PathBuf>,
-    /// The tracker to run: a configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
+    /// Tracker to run: a configuration file, or the name of a shipped configuration (natural, digits, ...); default: natural
     #[arg(long, value_name = "FILE|NAME", conflicts_with = "results")]
     pub config: Option<String>,
-    /// How much time a frame may take, where no configuration is given
+    /// Trade-off between speed and accuracy, if no configuration is given
     #[arg(long, value_enum, conflicts_with_all = ["config", "results", "mot"])]
     pub profile: Option<Profile>,
     #[command(flatten)]
     pub changes: Changes,
-    /// Choose among values of a setting by mean AUC, on one half of the sequences, and judge on the other half, both ways; also
-    /// leave one source video out. For example colour.mixing_weight=0.1,0.2; given several times, all combinations are
-    /// candidates. Goes on after a stop
+    /// Choose among values of a setting by mean AUC: choose on one half of the sequences and test on the other, both ways; also leave one
+    /// source video out. Example: colour.mixing_weight=0.1,0.2. Repeat the option to try all combinations. Resumes after an interruption
     #[arg(long, value_name = "KEY=VALUE,...", conflicts_with_all = ["results", "mot"])]
     pub choose: Vec<String>,
-    /// First seed of the tracker to run
+    /// First random seed of the tracker
     #[arg(long, default_value_t = 1, conflicts_with = "results")]
     pub seed: u64,
-    /// Number of seeds to run, counting up from --seed; mean and spread over them are reported
+    /// Number of seeds, counting up from --seed; the mean and the spread over seeds are reported
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
-    /// Make the runs side by side, each in one thread, instead of one after another in all threads: the same boxes sooner. Frames
-    /// a second are then those of a busy machine. With --choose, --shard and --merge it is always so
+    /// Run sequences in parallel, each in one thread, instead of one after another in all threads. The boxes stay the same, but frames per
+    /// second are those of a busy machine. Always on with --choose, --shard and --merge
     #[arg(long, conflicts_with_all = ["results", "mot"])]
     pub side_by_side: bool,
-    /// Do only part I of N of the runs, and no scores: for several machines, whose folders are put together by --merge. A run is
-    /// a sequence with a seed (with --choose also a candidate), in one thread, kept in runs/ of --out
+    /// Do only part I of N of the runs and compute no scores, to distribute the runs over several machines; combine their folders with
+    /// --merge. A run is one sequence with one seed (and one candidate of --choose) in one thread, stored in runs/ of --out
     #[arg(long, value_name = "I/N", value_parser = runs::parse_shard, conflicts_with_all = ["results", "mot"])]
     pub shard: Option<(u32, u32)>,
-    /// Take finished runs from these folders of other --out (or this one), and do those that they lack; may be repeated
+    /// Take finished runs from these other --out folders (or from this one), and do the missing runs. Repeatable
     #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "mot"])]
     pub merge: Vec<PathBuf>,
-    /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, confidence.txt, confidence.json,
-    /// reliability.svg and report.html: where the first seed won and lost, with pictures. With --choose: cross.txt, cross.json,
-    /// the tracks of each candidate in candidates/, and table.txt, scores.json, curves.svg of the cross-validated tracks. run.json
-    /// lists the files; those of an earlier evaluation in it are removed
+    /// Output folder for table.txt, scores.json and curves.svg (not with --mot). If the tracker is run: also the tracks in foveate/,
+    /// confidence.txt, confidence.json, reliability.svg, and report.html with pictures of the first seed's successes and failures. With
+    /// --choose: cross.txt, cross.json, the tracks of each candidate in candidates/, and table.txt, scores.json, curves.svg of the
+    /// cross-validated tracks. run.json lists the files; the files of an earlier evaluation are removed
     #[arg(long, value_name = "DIR", default_value = "out-eval")]
     pub out: PathBuf,
     /// Print scores as JSON instead of the table
@@ -96,7 +95,7 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    /// Folders and files whose results are scored.
+    /// Returns the folders and files of results to score.
     fn scored(&self) -> Vec<PathBuf> {
         [&self.results[..], &self.peers].concat()
     }
@@ -112,7 +111,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let blueprint = config.clone().check(&folder)?;
     let task = Task::of(&args)?;
     if !args.results.is_empty() {
-        // Results of others say nothing about being lost.
+        // Results of other trackers have no status or P(lost).
         let results = begin(&args, vec![])?;
         let record = Record::of(args.scored(), task.sequences.iter().map(Data::without_pictures).collect())?;
         compare(&args, &task.sequences, &task.others, &record, "")?;
@@ -135,7 +134,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     }
 }
 
-/// What is to be scored: sequences, what other trackers did on them, and the seeds that foveate is run with.
+/// The evaluation's inputs: sequences, other trackers' results on them, and the seeds for foveate.
 struct Task {
     sequences: Vec<Sequence>,
     others: Vec<Evaluation>,
@@ -151,12 +150,12 @@ impl Task {
         Ok(Self { sequences, others: others.concat(), seeds })
     }
 
-    /// An evaluation of ours, and those of the others.
+    /// Returns our evaluation followed by those of the other trackers.
     fn beside(&self, ours: Evaluation) -> Vec<Evaluation> {
         std::iter::once(ours).chain(self.others.iter().cloned()).collect()
     }
 
-    /// Settings are chosen on one half of the sequences, and judged on the other.
+    /// Chooses settings on one half of the sequences and tests them on the other.
     fn choose(&self, args: &Args, plan: &choose::Plan, data: &[Data], store: &Store, record: &Record) -> Result<()> {
         let Self { sequences, seeds, .. } = self;
         let Some(tracks) = plan.run(sequences, data, seeds, store)? else {
@@ -169,10 +168,10 @@ impl Task {
         results.finish()
     }
 
-    /// The tracker is run, and scored beside the others; and so is what it says about being lost.
+    /// Runs the tracker, scores it beside the others, and scores its loss detection.
     fn track(&self, args: &Args, kept: &kept::Runs<'_>, record: &Record) -> Result<()> {
         let Self { sequences, others, seeds } = self;
-        // In parts, runs are made side by side; else one after another, so that their times are those of a tracker alone.
+        // With parts, runs are made in parallel; otherwise one after another, so that each time is that of a single tracker.
         let in_parts = args.shard.is_some() || !args.merge.is_empty();
         let Some(made) = (if in_parts || args.side_by_side { kept.all(seeds)? } else { Some(vec![]) }) else {
             return undone(args);
@@ -205,12 +204,12 @@ impl Task {
         let page = cases::page(&first, others, &charts, &groups, &record.html())?;
         files::write_inside(args.out.join("report.html"), page.as_bytes())?;
         results.finish()?;
-        // What is finished begins anew the next time; parts are kept, to be merged.
+        // The next evaluation starts from the beginning; parts are kept for merging.
         if in_parts { Ok(()) } else { kept.forget(seeds) }
     }
 }
 
-/// Begins the results, of which these are not written by every evaluation.
+/// Starts the results; `more` names files that only some evaluations write.
 fn begin(args: &Args, more: Vec<String>) -> Result<InPlace> {
     let names = ["table.txt", "scores.json", "curves.svg"].map(str::to_owned);
     let read = [&args.results, &args.peers, &args.seqs, &args.truth, &args.merge].into_iter().flatten();
@@ -218,7 +217,7 @@ fn begin(args: &Args, more: Vec<String>) -> Result<InPlace> {
     InPlace::begin(&args.out, [&names[..], &more].concat(), &read.collect::<Vec<_>>())
 }
 
-/// Only a part of the runs was to be done, or it was asked to stop.
+/// Reports that only a part of the runs was done, or that the run was stopped.
 fn undone(args: &Args) -> Result<()> {
     if terminal::stopping() {
         return Err(runs::stopped(&args.out));
@@ -227,7 +226,7 @@ fn undone(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// One run is done.
+/// Prints one finished run.
 fn told(row: &Row) {
     let (name, score, seed) = (&row.sequence, &row.score, row.seed.unwrap_or_default());
     note!(
@@ -239,7 +238,7 @@ fn told(row: &Row) {
     );
 }
 
-/// Keeps what the tracker's own probability of being lost is worth, and prints it. Answers its chart, SVG text.
+/// Writes and prints the scores of the tracker's P(lost). Returns the chart as SVG text.
 fn trusted(args: &Args, score: &ConfidenceScore) -> Result<String> {
     let (out, text) = (&args.out, confidence::text(score));
     let json = serde_json::to_string_pretty(score).map_err(|e| Error::Invalid(e.to_string()))?;
@@ -254,7 +253,7 @@ fn trusted(args: &Args, score: &ConfidenceScore) -> Result<String> {
     Ok(chart)
 }
 
-/// Trackers side by side, by sequence and by attribute: kept and printed, with what comes before it. Answers the part by
+/// Writes and prints the comparison of trackers by sequence and by attribute, after the text that precedes it. Returns the part by
 /// attribute as HTML.
 fn compare(
     args: &Args,
@@ -288,7 +287,7 @@ fn many(args: &Args) -> Result<()> {
     results.finish()
 }
 
-/// Keeps the scores, and prints them behind what comes before.
+/// Writes the scores and prints them after `before`.
 fn report(args: &Args, before: &str, text: &str, scores: &serde_json::Value, kept: &str) -> Result<()> {
     let scores = serde_json::to_string_pretty(scores).map_err(|e| Error::Invalid(e.to_string()))?;
     let out = &args.out;

@@ -1,4 +1,4 @@
-//! `foveate look`: what stands out, or moves, in one frame, as a picture.
+//! Implements `foveate look`: draws salient or moving regions of one frame.
 
 use std::path::PathBuf;
 
@@ -15,33 +15,33 @@ use super::track::source::named;
 #[derive(clap::Args)]
 #[command(after_help = "Example: foveate look video.mp4 --map flow --frame 120 --out look.png")]
 pub(crate) struct Args {
-    /// A video file, or a folder of images
+    /// Video file or folder of images
     source: PathBuf,
-    /// What decodes a video file: auto takes the program ffmpeg where it is installed and faster
+    /// Video decoder; auto uses ffmpeg if it is installed and faster
     #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
     decoder: Decoder,
-    /// What to look for
+    /// Kind of map
     #[arg(long, value_enum, default_value_t = Kind::Saliency)]
     map: Kind,
-    /// The frame to look at, counted from 1; motion and flow also read those before it. The 30th if left out, or the last of
-    /// a shorter video
+    /// Frame to analyse, counted from 1; motion and flow also read the frames before it. Default: frame 30, or the last frame of a shorter
+    /// video
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frame: Option<u64>,
-    /// At most so many candidates get a box
+    /// Maximum number of candidates that get a box
     #[arg(long, value_name = "N", default_value_t = 10)]
     most: usize,
-    /// The picture to write: the frame with the candidates' boxes, and the map beside it
+    /// Output image: the frame with the candidates' boxes, and the map beside it
     #[arg(long, short, value_name = "FILE.png", default_value = "look.png")]
     out: PathBuf,
 }
 
 #[derive(ValueEnum, Clone, Copy)]
 enum Kind {
-    /// What is unlike its surroundings, from one frame alone (Itti and Koch)
+    /// Regions that differ from their surroundings, from one frame alone (Itti and Koch)
     Saliency,
-    /// What moves otherwise than the camera (dense optical flow)
+    /// Regions that move differently from the camera (dense optical flow)
     Flow,
-    /// What differs from the background learned so far; for a camera that stands still
+    /// Regions that differ from the background model; for a camera that stands still
     Motion,
 }
 
@@ -64,7 +64,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let options = Options { decoder: args.decoder, ..Options::default() };
     for frame in ahead(open_with(&args.source, &options)?) {
         let frame = frame?;
-        // Saliency needs one frame only: the last one that is read.
+        // Saliency needs only one frame: the last one read.
         if !matches!(args.map, Kind::Saliency) {
             detector.detect(&frame.image, &mut found);
         }
@@ -112,7 +112,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// Draws a map from black over violet and orange to pale yellow, its largest value being the palest.
+/// Draws a map with a scale from black through violet and orange to pale yellow for the largest value.
 fn heat(page: &mut Drawing, map: &Map, left: f64, (width, height): (usize, usize)) {
     const RAMP: [Colour; 5] = [[0, 0, 4], [87, 16, 110], [188, 55, 84], [249, 142, 9], [252, 255, 164]];
     let scale = (RAMP.len() - 1) as f32 / map.max().max(f32::MIN_POSITIVE);

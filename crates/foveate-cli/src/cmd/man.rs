@@ -1,4 +1,4 @@
-//! `foveate man`: manual pages, one for the program and one for each of its commands.
+//! Implements `foveate man`: manual pages, one for the program and one for each command.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use foveate::{Error, Result, files};
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Folder for the pages: foveate.1, foveate-track.1, ...; for `man` to find them, ~/.local/share/man/man1
+    /// Output folder for foveate.1, foveate-track.1, ...; use ~/.local/share/man/man1 so that `man` finds them
     #[arg(value_name = "DIR")]
     folder: PathBuf,
 }
@@ -22,7 +22,7 @@ pub(crate) fn run(args: Args, program: clap::Command) -> Result<()> {
     Ok(())
 }
 
-/// Writes the page of a command and those of its own commands; answers how many.
+/// Writes the pages of a command and its subcommands. Returns the number of pages.
 fn write(command: &clap::Command, folder: &Path) -> Result<usize> {
     let page = clap_mangen::Man::new(command.clone());
     let (path, mut text) = (folder.join(page.get_filename()), vec![]);

@@ -1,4 +1,4 @@
-//! One file a command: its arguments, and what it does.
+//! One file per command: its arguments and its implementation.
 
 pub(crate) mod completions;
 pub(crate) mod configs;
@@ -21,7 +21,7 @@ use std::path::Path;
 
 use foveate::Error;
 
-/// An error of the library, where it knows no files, with the file that it is of.
+/// Returns a function that adds the file to an error of the library that does not name it.
 fn of_file(path: &Path) -> impl Fn(Error) -> Error {
     move |error| match error {
         Error::Invalid(what) if !what.starts_with(&*path.to_string_lossy()) => Error::malformed(path, what),

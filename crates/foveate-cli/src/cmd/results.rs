@@ -1,9 +1,9 @@
-//! The folder of a run's results: they appear whole, all at once, and only where there are some.
+//! The output folder of a run: all results appear together at the end, or none do.
 //!
-//! A run writes into a folder of its own beside the one asked for. At the end the two change places in one step, where the
-//! folder holds nothing but an earlier run; where it holds other files too, the results are moved in one by one. `run.json`
-//! lists the files that a run made: no other file is ever replaced or removed, but those that the new run writes. It says how the
-//! run ended, too: what was tracked until then is kept of a run that was stopped or broke off.
+//! A run writes into a new folder beside the output folder. If the output folder holds only an earlier run, the two folders are swapped in
+//! one step at the end; if it holds other files, the results are moved in one by one. `run.json` lists the files that a run made. No other
+//! file is replaced or removed, except those with the names of new results. `run.json` also states how the run ended. If a run is stopped
+//! or fails, the results up to that point are kept.
 
 mod in_place;
 mod inputs;
@@ -27,26 +27,26 @@ const MANIFEST: &str = "run.json";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Ended {
-    /// It did all that it was asked for.
+    /// All requested work was done.
     Finished,
-    /// It was asked to stop.
+    /// The run was stopped by a signal.
     Stopped,
     /// The video broke off, or a file could not be written.
     Error,
 }
 
-/// What a run left in its folder.
+/// The contents of `run.json`.
 #[derive(Serialize, Deserialize)]
 struct Manifest {
     program: String,
-    /// False while the files of a new run are moved in: then those of two runs may lie here.
+    /// False while the files of a new run are moved in; the folder may then hold files of two runs.
     complete: bool,
     #[serde(default)]
     ended: Option<Ended>,
-    /// How many frames it tracked in.
+    /// Number of tracked frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     frames: Option<usize>,
-    /// In how many frames of the source the decoder reported damage.
+    /// Number of source frames in which the decoder reported damage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     damaged: Option<u64>,
     files: Vec<String>,
@@ -64,19 +64,19 @@ impl Manifest {
     }
 }
 
-/// Whether a folder holds a run that did all that it was asked for.
+/// Returns whether a folder holds a finished run.
 pub(super) fn is_finished(folder: &Path) -> bool {
     manifest(folder).is_some_and(|run| run.complete && run.ended.is_none_or(|ended| ended == Ended::Finished))
 }
 
-/// The results of a run in the making. Dropped before [`Results::keep`], they leave nothing behind.
+/// The results of a run in progress. If dropped before [`Results::keep`], they are removed.
 pub(super) struct Results {
-    /// Where they are to be, as it was asked for and as it is.
+    /// The output folder, as requested and with links resolved.
     asked: PathBuf,
     out: PathBuf,
-    /// Where they are written.
+    /// The folder to which results are written until they are kept.
     part: PathBuf,
-    /// Folders that had to be made for it, the outermost first.
+    /// Parent folders that were created for the results, outermost first.
     made: Vec<PathBuf>,
     names: Vec<String>,
     ended: (Ended, usize),
@@ -85,14 +85,14 @@ pub(super) struct Results {
 }
 
 impl Results {
-    /// Begins results that will be `names` in the folder `out`, which stays as it is until they are kept. Fails where the
-    /// folder cannot be made or written, a result could not get its name, or one of the `inputs` would be replaced or removed.
+    /// Starts results with these `names` for the folder `out`, which stays unchanged until they are kept. Fails if the folder cannot be
+    /// created or written, a result cannot be named, or one of the `inputs` would be replaced or removed.
     pub(super) fn begin(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
         Self::begin_in(out, names, inputs, |name| hidden(name, "tmp"))
     }
 
-    /// [`Results::begin`] of a run without an end: meanwhile its files are in a folder that anybody may read, `OUT.live-PID`, and
-    /// stay there where the run is killed.
+    /// Starts results as [`Results::begin`] does, for an endless source. Until the end the files are in the readable folder `OUT.live-PID`,
+    /// and stay there if the run is killed.
     pub(super) fn begin_live(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
         Self::begin_in(out, names, inputs, growing)
     }
@@ -107,7 +107,7 @@ impl Results {
         let part = part(&name);
         sweep(&parent, &name, &out);
         sweep(&out, &name, &out);
-        // Beside the folder; in it, where that is not allowed.
+        // The folder lies beside the output folder, or inside it if that is not permitted.
         let part = match files::create_dir(&parent.join(&part)) {
             Ok(()) => parent.join(&part),
             Err(_) if out.is_dir() => {
@@ -130,21 +130,21 @@ impl Results {
         })
     }
 
-    /// Where to write.
+    /// Returns the folder to write to.
     pub(super) fn folder(&self) -> &Path {
         &self.part
     }
 
-    /// Puts the results of a run that ended so, after so many frames, in their place; answers their paths. Where one is missing, or they
-    /// cannot be moved, the folder stays as it was and they are kept beside it, under a name that the error tells. So it is where some
-    /// were lost, as the error `lost` says, and the folder holds a finished run.
+    /// Moves the results of a run with this ending and number of frames into place. Returns their paths. If a result is missing or cannot
+    /// be moved, the folder stays unchanged, and the results are kept beside it under a name that the error states. The same happens if
+    /// some results were lost (`lost` is an error) and the folder holds a finished run.
     pub(super) fn keep(mut self, ended: Ended, frames: usize, lost: Result<()>) -> Result<Vec<PathBuf>> {
         self.ended = (ended, frames);
         let missing = self.names.iter().find(|name| !self.part.join(name).is_file());
         let placed = match (missing, &lost) {
             (Some(name), _) => Err(Error::malformed(self.asked.join(name), "it was not written")),
             (None, Err(error)) if is_finished(&self.out) => {
-                // The disk may be full; the files are there with or without their list.
+                // The disk may be full; the files are kept with or without their list.
                 let _ = self.list(&self.part, &self.names, true);
                 Err(Error::Invalid(format!("{error}; run it again when the cause is gone, or give another --out")))
             }
@@ -164,18 +164,18 @@ impl Results {
         lost.map(|()| self.names.iter().map(|name| self.asked.join(name)).collect())
     }
 
-    /// In how many frames of the source the decoder reported damage.
+    /// Sets the number of source frames in which the decoder reported damage.
     pub(super) fn set_damaged(&mut self, frames: u64) {
         self.damaged = frames;
     }
 
-    /// An error that names a file of the folder in the making, by the name that it was to have.
+    /// Replaces the path of a file in the temporary folder by its final path in an error.
     pub(super) fn with_final_path(&self, error: &Error) -> Error {
         let (part, asked) = (self.part.to_string_lossy(), self.asked.to_string_lossy());
         Error::Invalid(error.to_string().replace(&*part, &asked))
     }
 
-    /// Leaves out results that could not be written. False where none is left.
+    /// Leaves out results that could not be written. Returns false if no result is left.
     pub(super) fn leave_out(&mut self, lost: &[&str]) -> bool {
         self.names.retain(|name| !lost.contains(&&**name));
         lost.iter().for_each(|name| drop(fs::remove_file(self.part.join(name))));
@@ -199,7 +199,7 @@ impl Results {
             }
             if let Some(old) = swap(&self.part, &self.out) {
                 files::sync_folder(&self.out);
-                // The results are in place; an earlier run that cannot be removed now is removed by the next one.
+                // The results are in place. If the earlier run cannot be removed now, the next run removes it.
                 let _ = fs::remove_dir_all(old);
                 return Ok(());
             }
@@ -207,8 +207,8 @@ impl Results {
         self.put_one_by_one()
     }
 
-    /// Beside files that are none of ours. The manifest lists the files of both runs meanwhile, so that the next run knows
-    /// them whatever happens.
+    /// Moves the results in beside files that do not belong to a run. Meanwhile the manifest lists the files of both runs, so that the next
+    /// run recognises them after an interruption.
     fn put_one_by_one(&self) -> Result<()> {
         fs::create_dir_all(&self.out).map_err(Error::io(&self.asked, "cannot make the folder for results"))?;
         let earlier = listed(&self.out);
@@ -219,7 +219,7 @@ impl Results {
             let to = self.out.join(name);
             moved(&self.part.join(name), &to).map_err(Error::io(self.asked.join(name), "cannot write"))?;
         }
-        // One that cannot be removed stays, and is the user's from now on.
+        // A file that cannot be removed stays and no longer belongs to a run.
         left.into_iter().for_each(|name| drop(fs::remove_file(self.out.join(name))));
         self.list(&self.out, &self.names, true)?;
         let _ = fs::remove_dir_all(&self.part);
@@ -231,13 +231,13 @@ impl Drop for Results {
     fn drop(&mut self) {
         if !self.kept {
             let _ = fs::remove_dir_all(&self.part);
-            // Those that hold something by now stay.
+            // Folders that are no longer empty stay.
             self.made.iter().rev().for_each(|folder| drop(fs::remove_dir(folder)));
         }
     }
 }
 
-/// The folder that a folder is in, and its name, links followed.
+/// Returns the parent folder and the name of a folder, with links resolved.
 fn place(out: &Path) -> Result<(PathBuf, OsString)> {
     let cannot = "cannot find the folder for results";
     let whole = match fs::symlink_metadata(out) {
@@ -284,19 +284,19 @@ fn check(asked: &Path, out: &Path, names: &[&str], inputs: &[&Path]) -> Result<(
     Ok(())
 }
 
-/// A folder whose run.json is none of ours.
+/// Returns the error for a folder with a foreign run.json.
 fn not_ours(folder: &Path) -> Error {
     let problem = "expected the list of files that a run of foveate writes, found something else; give another --out";
     Error::malformed(folder.join(MANIFEST), problem)
 }
 
-/// What an earlier run left in a folder.
+/// Reads the manifest of the earlier run in a folder.
 fn manifest(folder: &Path) -> Option<Manifest> {
     let text = fs::read_to_string(folder.join(MANIFEST)).ok()?;
     serde_json::from_str::<Manifest>(&text).ok().filter(|manifest| manifest.program.starts_with("foveate "))
 }
 
-/// The files that an earlier run in a folder made. A name that is a path, or no file, is none of them.
+/// Returns the files of the earlier run in a folder. Skips names that are paths or not files.
 fn listed(folder: &Path) -> Vec<String> {
     let files = manifest(folder).map_or(vec![], |manifest| manifest.files);
     let plain = |name: &String| Path::new(name).file_name() == Some(OsStr::new(name));
@@ -306,7 +306,7 @@ fn listed(folder: &Path) -> Vec<String> {
         .collect()
 }
 
-/// Whether a folder holds an earlier run and nothing else.
+/// Returns whether a folder holds an earlier run and nothing else.
 fn is_ours_alone(folder: &Path) -> bool {
     let ours = listed(folder);
     let Ok(mut entries) = fs::read_dir(folder) else { return false };
@@ -316,18 +316,18 @@ fn is_ours_alone(folder: &Path) -> bool {
     })
 }
 
-/// Whether the program runs in a folder: then it must not be moved away.
+/// Returns whether the process runs in a folder, which therefore must not be moved.
 fn holds_this_process(folder: &Path) -> bool {
     let here = std::env::current_dir().and_then(fs::canonicalize);
     here.is_ok_and(|here| here.starts_with(folder))
 }
 
-/// Puts one folder in the place of another; answers where the other one is now. `None`: nothing has changed.
+/// Replaces one folder by another. Returns the new path of the replaced folder, or `None` if nothing has changed.
 fn swap(new: &Path, old: &Path) -> Option<PathBuf> {
     if exchange(new, old) {
         return Some(new.to_owned());
     }
-    // A run that is killed between these two is put back by the next one: see `sweep`.
+    // If the process is killed between these two steps, the next run restores the earlier run: see `sweep`.
     let away = old.with_file_name(hidden(old.file_name()?, "old"));
     files::rename(old, &away).ok()?;
     if files::rename(new, old).is_err() {
@@ -337,7 +337,7 @@ fn swap(new: &Path, old: &Path) -> Option<PathBuf> {
     Some(away)
 }
 
-/// Two folders change their places in one step, where the system can.
+/// Swaps two folders in one step, if the system supports it.
 #[cfg(any(target_os = "linux", target_os = "macos"))]
 fn exchange(a: &Path, b: &Path) -> bool {
     use foveate::files::faults::{Operation, attempt};
@@ -350,7 +350,7 @@ fn exchange(_: &Path, _: &Path) -> bool {
     false
 }
 
-/// Moves a file to another folder, which may be of another file system.
+/// Moves a file to another folder, possibly on another file system.
 fn moved(from: &Path, to: &Path) -> std::io::Result<()> {
     if files::rename(from, to).is_ok() {
         return Ok(());

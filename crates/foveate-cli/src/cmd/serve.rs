@@ -1,4 +1,4 @@
-//! `foveate serve` and `foveate pick`: a page in the browser to draw a box in, to watch the tracker, and to correct it.
+//! Implements `foveate serve` and `foveate pick`: a browser page to draw a box, watch the tracker and correct it.
 
 mod app;
 mod guard;
@@ -24,68 +24,68 @@ use app::{App, Pick, Server};
 use guard::Guard;
 use roots::Roots;
 
-/// Letters of a token, at least.
+/// Minimum length of a token.
 const LEAST_TOKEN: usize = 16;
 
-/// What is said of whom the server answers.
+/// Help text on access to the server.
 const WHO: &str = "\
-The page is for the programs of this machine alone, unless --allow-remote says otherwise. Other users of this machine can open it, too: \
-give --token where there are some. Nothing is encrypted: beyond this machine use a network that you trust, or a tunnel.
+Only programs of this machine can open the page, unless --allow-remote is given. These include programs of the machine's other users: \
+set a --token if there are any. Connections are not encrypted: to open the page from another machine, use a trusted network or a tunnel.
 
-The page sees the folders and videos given, and what is below them; nothing that a link leads out of them to. Streams and cameras are \
-opened by the addresses given here, and no others.";
+The page can read the given folders and videos and everything below them, but not follow links out of them. It can open only the \
+streams and cameras given here.";
 
 #[derive(clap::Args)]
 #[command(after_long_help = WHO)]
 pub(crate) struct Args {
-    /// Folders, videos, streams (rtsp://, http://) and cameras (/dev/video0) that the page may open; this folder if left out
+    /// Folders, videos, streams (rtsp://, http://) and cameras (/dev/video0) that the page may open; default: this folder
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
-    /// Where to listen; port 0 takes a free one
+    /// Address to listen on; port 0 selects a free port
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080", value_parser = parse_address)]
     address: SocketAddr,
-    /// Answer other machines, too: --address of this machine in the network, or 0.0.0.0. Needs a token
+    /// Accept requests from other machines. Requires a token, and --address with this machine's address in the network or 0.0.0.0
     #[arg(long)]
     allow_remote: bool,
-    /// A secret of at least 16 letters and digits that must be part of the address opened; $FOVEATE_TOKEN if left out
+    /// Secret of at least 16 letters and digits that must be part of the opened address; default: $FOVEATE_TOKEN
     #[arg(long, value_name = "SECRET")]
     token: Option<String>,
     #[command(flatten)]
     page: PageArgs,
 }
 
-/// What is said of whom `pick` answers.
+/// Help text on access to `pick`.
 const WHO_PICK: &str = "\
-The page is for the programs of this machine alone; other users of this machine can open it, too. Where there are some, or the browser \
-is on another machine, draw the box in `foveate serve`, which has --token and --allow-remote.";
+Only programs of this machine can open the page, including those of its other users. If there are other users, or the browser is on \
+another machine, draw the box in `foveate serve`, which has --token and --allow-remote.";
 
 #[derive(clap::Args)]
 #[command(after_long_help = WHO_PICK)]
 pub(crate) struct PickArgs {
-    /// A video file, or a folder of images
+    /// Video file or folder of images
     video: PathBuf,
-    /// Where to listen on this machine; a free port if left out
+    /// Address to listen on, on this machine; default: a free port
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0", value_parser = parse_address)]
     address: SocketAddr,
-    /// Go on after the first box: a line for each
+    /// Continue after the first box: print one line per box
     #[arg(long)]
     keep: bool,
     #[command(flatten)]
     page: PageArgs,
 }
 
-/// What the page begins with.
+/// Initial settings of the page.
 #[derive(clap::Args)]
 struct PageArgs {
-    /// The configuration that is chosen at first: a name, or a file
+    /// Initially selected configuration: a name or a file
     #[arg(long, short, value_name = "FILE|NAME", default_value = "natural")]
     config: String,
-    /// Gaze policy in the place of the configuration's
+    /// Gaze policy that replaces the configuration's
     #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(super::configure::POLICIES))]
     policy: Option<String>,
 }
 
-/// An address by its number or name; of several that a name has, the first of IPv4, which every machine has.
+/// Parses an address by number or name. If a name has several addresses, prefers the first IPv4 address, which every machine supports.
 fn parse_address(text: &str) -> std::result::Result<SocketAddr, String> {
     let wrong =
         |why| format!("expected HOST:PORT such as 127.0.0.1:8080, localhost:0 or [::1]:8080, got \"{text}\": {why}");
@@ -114,7 +114,7 @@ pub(crate) fn run_pick(args: PickArgs) -> Result<()> {
     start(&[args.video], args.address, None, &args.page, Some(pick))
 }
 
-/// Refuses an address that others can reach without their being asked for, and a token that can be guessed.
+/// Refuses a remotely reachable address without --allow-remote, and a token that is easy to guess.
 fn check(address: &SocketAddr, remote: bool, token: Option<&str>) -> Result<()> {
     let problem = if !address.ip().is_loopback() && !remote {
         format!(
@@ -139,7 +139,7 @@ fn start(
     page: &PageArgs,
     pick: Option<Pick>,
 ) -> Result<()> {
-    // What is wrong with it is said before anybody draws a box.
+    // Errors in the configuration are reported before the user draws a box.
     let (config, folder) = read(&page.config, &Changes { policy: page.policy.clone(), set: vec![] })?;
     config.check(&folder)?;
     let roots = Roots::new(paths)?;
@@ -167,13 +167,13 @@ fn start(
     let trusting = Arc::clone(&app);
     let trusted: Arc<server::Trusted> = Arc::new(move |request| trusting.guard.check(request).is_ok());
     let served = server::serve(&listener, &answer, &trusted, &stop);
-    // What was said last is on its way.
+    // Wait until the last response is sent.
     std::thread::sleep(std::time::Duration::from_millis(100));
     app.page.close(None);
     served.map_err(Error::io(Path::new(&name), "the server broke off"))
 }
 
-/// Says where the page is, on standard error: standard output is for the command that `pick` prints.
+/// Prints the page's address on standard error; standard output is for the command that `pick` prints.
 fn announce(bound: &SocketAddr, guard: &Guard, pick: bool) {
     let host = match bound.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => "ADDRESS-OF-THIS-MACHINE".to_owned(),

@@ -1,4 +1,4 @@
-//! `foveate synth`: makes videos with known truth.
+//! Implements `foveate synth`: makes videos with ground truth.
 
 use std::path::PathBuf;
 
@@ -16,10 +16,10 @@ use foveate::{Error, Result};
 
 use super::videos::of_sequence;
 
-/// Digits drawn of each class where there is no MNIST.
+/// Digits drawn of each class if MNIST is not available.
 const DRAWN: usize = 20;
 
-/// Makes videos with known truth, as folders in OTB's layout (and MOTChallenge's, where targets are many).
+/// Make videos with ground truth, as folders in OTB's layout (and MOTChallenge's for many targets).
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -28,61 +28,61 @@ pub(crate) struct Args {
 
 #[derive(Subcommand, Debug)]
 enum Kind {
-    /// One digit moves among static ones (the paper's first experiment)
+    /// One moving digit among static ones (the paper's first experiment)
     Clutter(ClutterArgs),
-    /// One digit on black passes behind bars, under noise (the paper's partial-information experiment)
+    /// One digit on black that passes behind bars, with noise (the paper's partial-information experiment)
     Partial(PartialArgs),
-    /// Several digits grow, turn and pass over each other (the paper's second experiment)
+    /// Several digits that change size, turn and pass over each other (the paper's second experiment)
     Multi(MultiArgs),
-    /// A real sequence whose target vanishes and comes back
+    /// A real sequence with an inserted occlusion of the target
     Hide(HideArgs),
 }
 
 #[derive(clap::Args, Debug)]
 struct HideArgs {
-    /// A sequence in OTB layout
+    /// Sequence in OTB layout
     #[arg(long, value_name = "DIR")]
     seq: PathBuf,
-    /// How the target vanishes
+    /// Kind of occlusion
     #[arg(long, value_enum)]
     way: WayArg,
-    /// Fewest and most frames that it is out of sight
+    /// Minimum and maximum length of the occlusion, frames
     #[arg(long, value_name = "LEAST,MOST", default_value = "30,90", value_parser = range)]
     hidden: (usize, usize),
-    /// Same seed, same frames
+    /// Random seed; the same seed gives the same frames
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder to make, in OTB layout; while the target is out of sight its truth is NaN
+    /// Output folder in OTB layout; the truth is NaN during the occlusion
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum WayArg {
-    /// What is beside it is mirrored over it
+    /// The image beside the target is mirrored over it
     Behind,
-    /// The camera looks elsewhere, and back
+    /// The camera moves away from the target and back
     Away,
-    /// The camera looks elsewhere, and then to another place
+    /// The camera moves away from the target, then to another place
     Elsewhere,
 }
 
-/// What all scenes can be told.
+/// Options of all scenes.
 #[derive(clap::Args, Debug)]
 struct Common {
-    /// The digit that moves
+    /// Class of the moving digit
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=9))]
     digit: u8,
-    /// Same seed, same video
+    /// Random seed; the same seed gives the same video
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// Folder to make: img/0001.png ..., groundtruth_rect.txt (x,y,w,h, 1-based), label.txt, scene.toml
+    /// Output folder: img/0001.png ..., groundtruth_rect.txt (x,y,w,h, 1-based), label.txt, scene.toml
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Length of the video
+    /// Length of the video in frames
     #[arg(long, default_value_t = 300)]
     frames: usize,
-    /// Folder with MNIST's test files (t10k-*, plain or .gz); without it the digits are drawn by a pen
+    /// Folder with MNIST's test files (t10k-*, plain or .gz). If omitted, digits are drawn with pen strokes
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
 }
@@ -91,10 +91,10 @@ struct Common {
 struct PartialArgs {
     #[command(flatten)]
     common: Common,
-    /// Share of the pixels hit by noise, 0 to 1
+    /// Fraction of pixels with noise, 0 to 1
     #[arg(long, default_value_t = NOISE)]
     noise: f64,
-    /// Invert the pixels that are hit instead of replacing them by black or white
+    /// Invert the noisy pixels instead of replacing them with black or white
     #[arg(long)]
     inverted: bool,
     /// Number of bars across the path
@@ -106,27 +106,27 @@ struct PartialArgs {
 struct ClutterArgs {
     #[command(flatten)]
     common: Common,
-    /// Hit 30 % of the black pixels with salt and pepper (half of the hits stay black), anew in every frame
+    /// Add salt-and-pepper noise to 30 % of the black pixels (half of them stay black), new in every frame
     #[arg(long)]
     noise: bool,
-    /// Number of static digits, taken from the nine other classes in turn
+    /// Number of static digits, taken in turn from the nine other classes
     #[arg(long, value_name = "N", default_value_t = 18)]
     distractors: usize,
-    /// How digits cover what lies below them
+    /// How a digit covers the pixels below it
     #[arg(long, value_enum, default_value_t = InkArg::Replace)]
     ink: InkArg,
-    /// Draw the target between pixels instead of at whole ones
+    /// Draw the target at subpixel positions instead of whole pixels
     #[arg(long)]
     subpixel: bool,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 pub enum InkArg {
-    /// Ink replaces, black is transparent (the authors' way)
+    /// Ink replaces the pixels below; black is transparent (as in the authors' program)
     Replace,
-    /// The brighter of the two stays
+    /// The brighter pixel stays
     Brighter,
-    /// The whole square of 28 x 28 replaces
+    /// The whole 28 x 28 square replaces the pixels below
     Opaque,
 }
 
@@ -142,41 +142,41 @@ impl From<InkArg> for Ink {
 
 #[derive(clap::Args, Debug)]
 struct MultiArgs {
-    /// Number of moving digits, 1 to 10000; of different classes up to 10
+    /// Number of moving digits, 1 to 10000; up to 10 are of different classes
     #[arg(long, value_name = "N", default_value_t = 5)]
     targets: usize,
-    /// Least and largest size, in units of 28 px
+    /// Minimum and maximum size, in units of 28 px
     #[arg(long, value_name = "LEAST,LARGEST", default_value = "1,3", value_parser = pair)]
     scale: [f64; 2],
-    /// Largest angle away from upright, degrees
+    /// Maximum angle from upright, degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 90.0)]
     turn: f64,
-    /// At least so many times one digit passes over another
+    /// Minimum number of times that one digit passes over another
     #[arg(long, value_name = "N", default_value_t = 4)]
     crossings: usize,
-    /// Number of static digits behind
+    /// Number of static digits in the background
     #[arg(long, value_name = "N", default_value_t = 0)]
     clutter: usize,
-    /// Share of the pixels replaced by black or white, 0 to 1
+    /// Fraction of pixels replaced with black or white, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     noise: f64,
-    /// How digits cover what lies below them
+    /// How a digit covers the pixels below it
     #[arg(long, value_enum, default_value_t = InkArg::Replace)]
     ink: InkArg,
-    /// Same seed, same video
+    /// Random seed; the same seed gives the same video
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// Length of the video
+    /// Length of the video in frames
     #[arg(long, default_value_t = 300)]
     frames: usize,
-    /// Folder to make: img1/000001.png ..., gt/gt.txt and seqinfo.ini (MOTChallenge), groundtruth_rect.1.txt ... (OTB),
-    /// truth.csv (scale, angle, visible share), scene.toml
+    /// Output folder: img1/000001.png ..., gt/gt.txt and seqinfo.ini (MOTChallenge), groundtruth_rect.1.txt ... (OTB), truth.csv (scale,
+    /// angle, visible fraction), scene.toml
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Write the video to this file too, H.264 in MP4
+    /// Also write the video to this file, as H.264 in MP4
     #[arg(long, value_name = "FILE")]
     video: Option<PathBuf>,
-    /// Folder with MNIST's test files (t10k-*, plain or .gz); without it the digits are drawn by a pen
+    /// Folder with MNIST's test files (t10k-*, plain or .gz). If omitted, digits are drawn with pen strokes
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
 }

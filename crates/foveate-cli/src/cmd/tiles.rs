@@ -1,4 +1,4 @@
-//! `foveate tiles`: a video as pictures in tiles at several resolutions, for trackers that read regions.
+//! Implements `foveate tiles`: cuts a video into tiles at several resolutions, for trackers that read regions.
 
 use std::path::{Path, PathBuf};
 
@@ -12,21 +12,21 @@ use crate::terminal;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A video file, or a folder of images
+    /// Video file or folder of images
     source: PathBuf,
-    /// Folder to make: FRAME/LEVEL/COLUMN_ROW.png, level 0 the picture itself, each further level half of it
+    /// Output folder: FRAME/LEVEL/COLUMN_ROW.png; level 0 has full resolution, and each further level half of the previous one
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
     /// Side of a tile in pixels
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(8..=4096))]
     side: u32,
-    /// Resolutions; the coarsest is what an overview reads
+    /// Number of resolutions; an overview reads the coarsest
     #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u8).range(1..=16))]
     levels: u8,
-    /// The last frame, counted from 1
+    /// Last frame, counted from 1
     #[arg(long, value_name = "FRAME", value_parser = clap::value_parser!(u64).range(1..))]
     until: Option<u64>,
-    /// What decodes a video file: auto takes the program ffmpeg where it is installed and faster
+    /// Video decoder; auto uses ffmpeg if it is installed and faster
     #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
     decoder: Decoder,
 }
@@ -57,17 +57,17 @@ pub(crate) fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// A folder under another name until it is whole. Dropped before it has its own, it is gone.
+/// A folder under a temporary name until it is complete. If dropped before that, it is removed.
 struct Making(PathBuf);
 
 impl Drop for Making {
     fn drop(&mut self) {
-        // What cannot be removed now has a name that says what it is.
+        // A folder that cannot be removed now has a name that marks it as temporary.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
-/// Cuts the frames into a folder; how many there were.
+/// Cuts the frames into a folder. Returns the number of frames.
 fn cut(args: &Args, folder: &Path) -> Result<usize> {
     let source = open_with(&args.source, &Options { decoder: args.decoder, ..Options::default() })?;
     let span = Frames::new(0, "the video begins", args.until, source.info())?;

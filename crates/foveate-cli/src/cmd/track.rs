@@ -1,4 +1,4 @@
-//! `foveate track`: follow a target through a video file or a folder of images.
+//! Implements `foveate track`: follows a target through a video file or a folder of images.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -30,7 +30,7 @@ mod saved;
 pub(crate) mod source;
 pub(crate) mod tolerant;
 
-/// Frames of a run, and those whose status is occluded or lost.
+/// Numbers of frames of a run, and of frames with status occluded or lost.
 #[derive(Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
 struct Tally {
     frames: usize,
@@ -51,7 +51,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Tracks through one source, to results in `out`.
+/// Tracks through one source and writes the results to `out`.
 fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
     let Plan { opened, mut subject, job } = Plan::new(args, source, out)?;
     terminal::catch_interrupts();
@@ -86,7 +86,7 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
         stop: &terminal::stopping,
         clock: job.info.clock.clone(),
         warnings: job.info.warnings.clone(),
-        // Nothing reads the boxes and times of all frames: memory stays flat.
+        // Boxes and times of all frames are not needed here: memory use stays constant.
         endless: true,
         progress: Some(&mut progress),
     };
@@ -94,7 +94,7 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
     let result = result.map_err(of_file(job.source));
     bar.finish_and_clear();
     drop(observers);
-    // It stops reading, and ends its ffmpeg.
+    // Dropping the source stops reading and ends its ffmpeg process.
     drop(source);
     counts.note();
     if result.is_ok() && !summary.stopped {
@@ -110,7 +110,7 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
     Ok(Tally { frames: summary.frames, occluded_frames: summary.occluded, lost_frames: summary.lost })
 }
 
-/// Whether there is a result: a frame that was tracked, or all frames of a video that ended well.
+/// Returns whether the run has a result: a tracked frame, or all frames of a video that ended without an error.
 fn is_tracked(job: &Job<'_>, summary: &RunSummary, well: bool) -> bool {
     let tracked = if job.outputs.many { summary.frames > 1 } else { summary.tracked > 0 };
     tracked || (well && !summary.stopped && summary.frames > 0)

@@ -1,4 +1,5 @@
-//! `foveate train`: learns the features of the identity pathway from glimpses; here RBMs, in the folder the others.
+//! Implements `foveate train`: learns the features of the identity pathway from glimpses. This file trains RBMs, and the folder the other
+//! models.
 
 use std::path::PathBuf;
 
@@ -20,7 +21,7 @@ mod fixations;
 mod patch_filters;
 mod variation;
 
-/// Learn a model.
+/// Train a model.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -37,19 +38,19 @@ enum What {
     Variation(Box<variation::Args>),
 }
 
-/// Learn a restricted Boltzmann machine from glimpses.
+/// Train a restricted Boltzmann machine on glimpses.
 ///
-/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
-/// ends with the same bits. The same seed gives the same model for any number of threads.
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives the same result bit for
+/// bit. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
 struct RbmArgs {
     /// Folder with the data: the four MNIST files (or a folder `mnist` of them), or photographs (or a folder `natural`).
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// What to take glimpses of.
+    /// Data set of the glimpses.
     #[arg(long, value_enum)]
     set: SetName,
-    /// The model file to write.
+    /// Output model file.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Take the retina from the table `retina` of this configuration.
@@ -70,58 +71,58 @@ struct RbmArgs {
     /// Passes over the glimpses.
     #[arg(long, default_value_t = 30)]
     epochs: usize,
-    /// Glimpses to learn from.
+    /// Number of training glimpses.
     #[arg(long, default_value_t = 120_000)]
     glimpses: usize,
-    /// Glimpses of pictures never learned from, to monitor with.
+    /// Number of glimpses of held-out pictures, for monitoring.
     #[arg(long, default_value_t = 2000)]
     held_out: usize,
-    /// Visible units: bernoulli for digits, gaussian for natural, unless given.
+    /// Visible units; default: bernoulli for digits, gaussian for natural.
     #[arg(long, value_enum)]
     visible: Option<VisibleName>,
-    /// Rows of a mini-batch.
+    /// Size of a mini-batch.
     #[arg(long, default_value_t = 100)]
     batch: usize,
-    /// Step size: 0.1 for bernoulli, 0.02 for gaussian units, unless given.
+    /// Learning rate; default: 0.1 for bernoulli and 0.02 for gaussian units.
     #[arg(long)]
     rate: Option<f32>,
     /// Momentum, at most 0.5 in the first five epochs.
     #[arg(long, default_value_t = 0.9)]
     momentum: f32,
-    /// Contrastive divergence, or stochastic maximum likelihood by persistent chains.
+    /// Contrastive divergence, or stochastic maximum likelihood with persistent chains.
     #[arg(long, value_enum, default_value = "cd")]
     method: Method,
-    /// Gibbs steps a batch.
+    /// Gibbs steps per batch.
     #[arg(long, default_value_t = 1)]
     steps: usize,
     /// Persistent chains.
     #[arg(long, default_value_t = 100)]
     chains: usize,
-    /// Weight decay.
+    /// L2 weight decay.
     #[arg(long, default_value_t = 2e-4)]
     l2: f32,
-    /// Weight decay of constant size.
+    /// L1 weight decay.
     #[arg(long, default_value_t = 0.0)]
     l1: f32,
-    /// Mean activity of hidden units to aim at: 0.1 for natural, none for digits, unless given; 0 for none.
+    /// Target mean activity of hidden units, 0 for none; default: 0.1 for natural, none for digits.
     #[arg(long)]
     sparsity: Option<f32>,
     /// Weight of the sparsity target.
     #[arg(long, default_value_t = 1.0)]
     sparsity_cost: f32,
-    /// The epoch from which weights are averaged: half of the epochs, unless given.
+    /// First epoch of weight averaging; default: half of the epochs.
     #[arg(long)]
     average_from: Option<usize>,
-    /// Seed of all random numbers: the same seed gives the same model.
+    /// Random seed; the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Picture of the filters: the model's name with .png, unless given.
+    /// Output picture of the filters; default: the model's name with .png.
     #[arg(long, value_name = "FILE")]
     filters: Option<PathBuf>,
-    /// At the end, estimate the log-likelihood of the held-out glimpses by annealed importance sampling.
+    /// Estimate the log-likelihood of the held-out glimpses at the end, by annealed importance sampling.
     #[arg(long)]
     ais: bool,
-    /// Begin anew, even if there is a checkpoint.
+    /// Start from the beginning, even if there is a checkpoint.
     #[arg(long)]
     restart: bool,
 }
@@ -186,7 +187,7 @@ impl RbmArgs {
             ..usual
         }
     }
-    /// The command that makes the same model: every setting said, folders left open.
+    /// Returns the command that makes the same model, with every setting explicit and folders left open.
     fn command(&self, retina: &FovealConfig, recipe: &Recipe) -> String {
         let set = self.set.to_possible_value().expect("a name");
         let mut text = format!(
@@ -263,7 +264,7 @@ fn train(args: &RbmArgs) -> Result<()> {
     files.finish(Some(&filters::picture(rbm.weights(), retina.cells(), 400)?))
 }
 
-/// Learned from, then held out in brackets.
+/// Formats one epoch: the fit on training data, followed by held-out data in brackets.
 fn epoch_line(fit: &Fit, held: &Fit) -> String {
     let mut line = format!("reconstruction {:.3} (held out {:.3})", fit.reconstruction, held.reconstruction);
     if let (Some(a), Some(b)) = (fit.pseudo_log_likelihood, held.pseudo_log_likelihood) {

@@ -1,4 +1,4 @@
-//! `foveate trax`: a tracker for vot-toolkit and other clients of the TraX protocol.
+//! Implements `foveate trax`: a tracker for vot-toolkit and other clients of the TraX protocol.
 
 mod message;
 mod region;
@@ -14,29 +14,30 @@ use foveate::{BBox, Error, Result, Tracker};
 use super::configure::{Changes, Profile, config_name, read};
 use message::Message;
 
-/// At most so many objects in a session: each is a tracker.
+/// Maximum number of objects in a session; each has its own tracker.
 const MOST: usize = 256;
 
 /// Track for a client of the TraX protocol, on standard input and output.
 ///
-/// Images are paths of PNG or JPEG files (`file://...`), regions are rectangles, polygons or masks, pixels counted from 0. Answers
-/// are rectangles with the property `confidence`, 1 - P(lost). Polygons and masks become the axis-aligned box about them.
+/// Images are paths of PNG or JPEG files (`file://...`); regions are rectangles, polygons or masks, in pixels counted from 0. Responses are
+/// rectangles with the property `confidence`, 1 - P(lost). Polygons and masks are replaced with their axis-aligned bounding boxes.
 ///
-/// Version 3 of the protocol has one object. With --objects it is version 4: several objects, each with a tracker of its own.
+/// By default, use version 3 of the protocol with one object. With --objects, use version 4 with several objects, each with its own
+/// tracker.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A configuration file, or the name of one that ships with the program; natural if left out
+    /// Configuration file, or the name of a shipped configuration; default: natural
     #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
-    /// How much time a frame may take, where no configuration is given
+    /// Trade-off between speed and accuracy, if no configuration is given
     #[arg(long, value_enum, conflicts_with = "config")]
     profile: Option<Profile>,
     #[command(flatten)]
     changes: Changes,
-    /// Seed of all random numbers. Left out, the configuration's seed is taken
+    /// Random seed. Default: the configuration's seed
     #[arg(long)]
     seed: Option<u64>,
-    /// Take several objects: version 4 of the protocol
+    /// Accept several objects: version 4 of the protocol
     #[arg(long)]
     objects: bool,
 }
@@ -46,29 +47,29 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let (config, folder) = read(name, &args.changes)?;
     let blueprint = config.check(&folder)?;
     let seed = args.seed.unwrap_or(blueprint.config().seed);
-    // What else is said goes to standard error.
+    // Other messages go to standard error.
     crate::terminal::give_output();
     let mut output = std::io::stdout().lock();
     let mut session =
         Session { blueprint, seed, several: args.objects, planes: None, objects: vec![], pending: vec![] };
     let ended = session.serve(&mut BufReader::new(std::io::stdin().lock()), &mut output);
     if let Err(error) = &ended {
-        // Where the client has gone there is nobody to be told.
+        // If the client has closed the connection, nobody reads the message.
         let _ = send(&mut output, &message::format("quit", &[], &[("trax.reason", &error.to_string())]));
     }
     ended
 }
 
-/// A client's objects.
+/// The objects of a client.
 struct Session {
     blueprint: Blueprint,
     seed: u64,
-    /// Whether version 4 of the protocol is spoken.
+    /// Whether the session uses version 4 of the protocol.
     several: bool,
-    /// Planes of the first picture: grey and colour are converted into each other, as in a folder of images.
+    /// Planes of the first picture: later pictures are converted between grey and colour to match it, as in a folder of images.
     planes: Option<usize>,
     objects: Vec<Tracker>,
-    /// Objects of version 4 that wait for their picture.
+    /// Version 4 objects that wait for their first picture.
     pending: Vec<BBox>,
 }
 
@@ -127,7 +128,7 @@ impl Session {
         self.planes = None;
     }
 
-    /// Shows a picture to every object, starts those that wait for it, and answers the states of all in order.
+    /// Passes a picture to every object, starts those that wait for it, and returns the states of all in order.
     fn frame(&mut self, uri: &str) -> Result<String> {
         let image = self.picture(uri)?;
         let mut answer = String::new();
@@ -151,7 +152,7 @@ impl Session {
     }
 }
 
-/// The path in an image's address. As in libtrax nothing in it is escaped.
+/// Returns the path in an image's address. As in libtrax, the address is not escaped.
 fn path(uri: &str) -> Result<&str> {
     if let Some(rest) = uri.strip_prefix("file:") {
         return Ok(rest.strip_prefix("//").unwrap_or(rest));

@@ -1,4 +1,4 @@
-//! Videos with truth of which any frame can be had: sequences in memory, and drawn scenes.
+//! Videos with ground truth and random access to frames: sequences in memory, and drawn scenes.
 
 use foveate::geometry::BBox;
 use foveate::lab::Digits;
@@ -9,20 +9,20 @@ use foveate::text::counted;
 use foveate::video::open;
 use foveate::{Error, Result};
 
-/// A video, and where its target is.
+/// A video with its ground truth.
 pub struct Video<'a> {
     /// Its name.
     pub name: String,
-    /// The box in each frame, 0-based; none where the target is absent.
+    /// The box in each frame, 0-based; `None` if the target is absent.
     pub truth: Vec<Option<BBox>>,
     /// Width and height in pixels.
     pub size: (usize, usize),
-    /// Frame t.
+    /// Returns frame t.
     pub picture: Box<dyn Fn(usize) -> Result<Image> + 'a>,
 }
 
 impl Video<'_> {
-    /// From its end to its beginning, under the same name.
+    /// Returns the video from its end to its beginning, under the same name.
     pub fn backwards(&self) -> Video<'_> {
         let last = self.truth.len() - 1;
         Video {
@@ -34,7 +34,7 @@ impl Video<'_> {
     }
 }
 
-/// A sequence, decoded.
+/// Decodes a sequence into memory.
 pub fn of_sequence(sequence: &Sequence) -> Result<Video<'static>> {
     let mut source = open(&sequence.images)?;
     let size = (source.info().width, source.info().height);
@@ -48,7 +48,7 @@ pub fn of_sequence(sequence: &Sequence) -> Result<Video<'static>> {
     Ok(Video { name: sequence.name.clone(), truth: sequence.truth.clone(), size, picture })
 }
 
-/// A drawn scene.
+/// Creates the video of a drawn scene.
 pub(crate) fn of_scene<'a>(scene: &Synthetic, digits: &'a Digits) -> Result<Video<'a>> {
     let video = scene.video(digits)?;
     let truth = video.truth().iter().copied().map(Some).collect();

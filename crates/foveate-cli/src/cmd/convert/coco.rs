@@ -1,4 +1,4 @@
-//! COCO's JSON, of one video: an image a frame, an annotation a box, and `track_id` for who it is.
+//! COCO's JSON for one video: one image per frame, one annotation per box; `track_id` identifies the target.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,7 +20,7 @@ struct File {
 #[derive(Deserialize)]
 struct Image {
     id: i64,
-    /// Where the frame stands in its video.
+    /// Index of the frame in its video.
     frame_id: Option<i64>,
 }
 
@@ -36,7 +36,7 @@ struct Annotation {
     iscrowd: serde_json::Value,
 }
 
-/// Frames are the images in the order of `frame_id`, or of `id` where one has none.
+/// Frames are the images ordered by `frame_id`, or by `id` if an image has no `frame_id`.
 pub(super) fn read(path: &Path) -> Result<Boxes> {
     let text = files::read(path, files::TEXT)?;
     let file: File = serde_json::from_slice(&text)

@@ -1,4 +1,4 @@
-//! CVAT for video 1.1: a `track` a target, a `box` a frame; frames and pixels count from 0.
+//! CVAT for video 1.1: one `track` per target, one `box` per frame; frames and pixels count from 0.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -11,10 +11,10 @@ use roxmltree::{Document, Node};
 
 use super::{Boxes, MOST};
 
-/// Bytes that a box takes: its place in a list that grows, that it was seen, and a line of text.
+/// Estimated bytes per box: its entry in a growing list, its visibility flag, and one line of text.
 const BOX: u64 = 400;
 
-/// Between key frames that are not next to each other boxes are put on the straight line, as CVAT does.
+/// Interpolates boxes linearly between non-adjacent key frames, as CVAT does.
 pub(super) fn read(path: &Path) -> Result<Boxes> {
     let text = files::read_text(path, files::TEXT)?;
     let wrong = |problem: String| Error::malformed(path, problem);
@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         }
         let end = shapes.keys().next_back().map_or(0, |last| last + 1);
         boxes.frames = boxes.frames.max(end);
-        // From each box to the next key frame, which may be the last of a million.
+        // Each box applies up to the next key frame, which may be a million frames away.
         let next = shapes.iter().skip(1).map(|(frame, bbox)| (*frame, bbox)).chain([(end, &None)]);
         let stretches = shapes.iter().zip(next).filter_map(|((from, a), (to, b))| Some((*from..to, (*a)?, *b)));
         let count = boxes.tracks.len() + stretches.clone().map(|(frames, ..)| frames.len()).sum::<usize>();
@@ -97,7 +97,7 @@ fn between(a: &BBox, b: &BBox, share: f64) -> BBox {
     BBox::new(mix(a.x, b.x), mix(a.y, b.y), mix(a.w, b.w), mix(a.h, b.h))
 }
 
-/// Every box is a key frame; a box outside ends each stretch.
+/// Writes every box as a key frame; a box marked `outside` ends each segment.
 pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     boxes.lose_confidence();
     let unknown = boxes.tracks.iter().filter(|b| b.id < 0).count();

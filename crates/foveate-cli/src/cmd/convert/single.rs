@@ -38,7 +38,7 @@ pub(super) fn read(format: Format, path: &Path) -> Result<Boxes> {
     Ok(boxes)
 }
 
-/// Lines that are polygons, and those that are masks.
+/// Returns the numbers of lines that are polygons and that are masks.
 fn shapes(path: &Path) -> Result<[usize; 2]> {
     let text = files::read_text(path, files::TEXT)?;
     let is_mask = |line: &str| line.trim_start().starts_with('m');
@@ -69,7 +69,7 @@ pub(super) fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()
     let text = match format {
         Format::Vot => vot::format_truth(&truth),
         Format::Got10k => {
-            // Its toolkit reads numbers alone; absence.label says where they mean nothing.
+            // The GOT-10k toolkit reads only numbers; absence.label marks the frames without a target.
             let labels: String = truth.iter().map(|b| if b.is_some() { "0\n" } else { "1\n" }).collect();
             files::write(path.with_file_name(annotation::ABSENCE), labels.as_bytes())?;
             let filled: Vec<BBox> =

@@ -1,4 +1,4 @@
-//! YOLO's labels: a text file a picture, a line a box, `class cx cy w h` as parts of the picture's width and height.
+//! YOLO's labels: one text file per image, one line per box, `class cx cy w h` as fractions of the image's width and height.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -7,8 +7,8 @@ use foveate::{Error, Result, files};
 
 use super::Boxes;
 
-/// Writes a folder with `000001.txt` and so on, one for each picture, empty where there is no box. Boxes are cut at the picture's
-/// borders, since those who read YOLO's labels refuse others. Returns what the format does not hold, a sentence each.
+/// Writes a folder with `000001.txt` and so on, one file per image, empty if there is no box. Boxes are clipped to the image, because
+/// readers of YOLO's labels refuse other boxes. Returns one sentence for each kind of information that the format does not hold.
 ///
 /// # Errors
 /// The size is 0, or the folder cannot be written.

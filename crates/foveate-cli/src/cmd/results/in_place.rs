@@ -1,5 +1,5 @@
-//! Results that are written where they stay, as they come: those of an evaluation. `run.json` lists them before the first is
-//! there, so that the next one in the folder knows them whatever happens.
+//! Results that are written to their final place as they are produced, as in an evaluation. `run.json` lists them before the first one
+//! exists, so that the next evaluation in the folder recognises them after an interruption.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,18 +12,18 @@ use crate::terminal;
 /// A file that every evaluation writes.
 const OURS: &str = "scores.json";
 
-/// Results in the making. Dropped before [`InPlace::finish`], they are listed as those of a run that was stopped or broke off.
+/// Results in progress. If dropped before [`InPlace::finish`], they are listed as those of a run that was stopped or failed.
 pub(crate) struct InPlace {
     out: PathBuf,
     names: Vec<String>,
-    /// What an earlier evaluation left and nobody reads.
+    /// Files of an earlier evaluation that the new one does not read.
     stale: Vec<String>,
     finished: bool,
 }
 
 impl InPlace {
-    /// Lists the `names` to come, which are paths below the folder, beside what an earlier run left there. Fails where the folder cannot
-    /// be made or written.
+    /// Lists the new `names`, which are paths below the folder, beside the files of an earlier evaluation. Fails if the folder cannot be
+    /// created or written.
     pub(crate) fn begin(out: &Path, mut names: Vec<String>, read: &[&Path]) -> Result<Self> {
         fs::create_dir_all(out).map_err(Error::io(out, "cannot create"))?;
         let earlier = match manifest(out) {
@@ -42,7 +42,7 @@ impl InPlace {
         Ok(made)
     }
 
-    /// All that was to come is there: what an earlier evaluation left goes.
+    /// Completes the results and removes the remaining files of an earlier evaluation.
     pub(crate) fn finish(mut self) -> Result<()> {
         self.finished = true;
         let whole = fs::canonicalize(&self.out).map_err(Error::io(&self.out, "cannot find the folder for results"))?;
@@ -50,14 +50,14 @@ impl InPlace {
             if self.names.contains(&name) {
                 continue;
             }
-            // A name may be anything: what it leads to must be a file below the folder.
+            // The name may be anything, so it must lead to a file below the folder.
             let Ok(path) = fs::canonicalize(self.out.join(&name)) else { continue };
             if !path.starts_with(&whole) || !path.is_file() {
                 continue;
             }
             fs::remove_file(&path).map_err(Error::io(&path, "cannot remove"))?;
             let folders = path.ancestors().skip(1).take_while(|folder| **folder != whole);
-            // Those that hold something else stay.
+            // Folders with other contents stay.
             let _ = folders.map(fs::remove_dir).find(std::result::Result::is_err);
         }
         let mut names = std::mem::take(&mut self.names);
@@ -77,7 +77,7 @@ impl InPlace {
 impl Drop for InPlace {
     fn drop(&mut self) {
         if !self.finished {
-            // The error that ended it is what is told.
+            // The error that ended the evaluation is reported instead.
             let _ = self.list(false, if terminal::stopping() { Ended::Stopped } else { Ended::Error });
         }
     }
@@ -109,21 +109,21 @@ mod tests {
         let all = ["../precious", "/etc/hosts", "ours", "ours/a.txt", "ours/seed-2/a.txt", "scores.json"];
         let listed = all.map(str::to_owned);
         Manifest::of(true, Ended::Finished, None, &listed).write(&out).expect("writable");
-        // What is read stays in the list, and goes the next time.
+        // Files that are read stay in the list and are removed by the next evaluation.
         run(&["scores.json"], &[&out.join("ours")]);
         assert!(out.join("ours/seed-2/a.txt").is_file());
         run(&["scores.json"], &[]);
         let there = |name: &str| out.join(name).exists();
         assert!(!there("ours/a.txt") && !there("ours/seed-2") && there("scores.json"));
         assert!(there("ours/mine.txt") && there("runs/kept.json") && place.path().join("precious").is_file());
-        // One that was begun and not finished is known, too, and has taken nothing away.
+        // An unfinished evaluation is also listed and has removed nothing.
         drop(InPlace::begin(&out, vec!["half.txt".into()], &[]).expect("begun"));
         let broken = manifest(&out).expect("a list");
         assert!(there("scores.json") && !broken.complete && broken.ended == Some(Ended::Error));
         write("half.txt");
         run(&["scores.json"], &[]);
         assert!(!there("half.txt"));
-        // What another command left stays, and stays in the list.
+        // Files of another command stay, and stay in the list.
         Manifest::of(true, Ended::Finished, None, &["boxes.txt".into()]).write(&out).expect("writable");
         write("boxes.txt");
         run(&["scores.json"], &[]);

@@ -1,4 +1,4 @@
-//! Files that a command will write: whether they can be, before its work and not after it, and that they change nothing that is read.
+//! Checks of output files before the work begins: whether they can be written, and that they replace no input.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use foveate::files::folder_of;
 use foveate::video::folder::{image_files, is_image};
 use foveate::{Error, Result};
 
-/// Refuses a file to be written that is a folder, or whose folder is not there.
+/// Refuses an output file that is a folder or that lies in a missing folder.
 pub(crate) fn writable(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
@@ -19,7 +19,7 @@ pub(crate) fn writable(path: &Path) -> Result<()> {
     Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
 }
 
-/// Refuses a file to be written that is one of the `inputs`, or would become a frame of one.
+/// Refuses an output file that is one of the `inputs` or would become a frame of one.
 pub(crate) fn spare(path: &Path, inputs: &[&Path]) -> Result<()> {
     let whole = whole(path);
     if inputs.iter().any(|input| fs::canonicalize(input).ok() == whole && whole.is_some()) {
@@ -35,7 +35,7 @@ pub(crate) fn spare(path: &Path, inputs: &[&Path]) -> Result<()> {
     }
 }
 
-/// The folder of images, among the `inputs`, that a file would be a frame of.
+/// Returns the folder of images, among the `inputs`, to which the file would add a frame.
 pub(super) fn frame_of<'a>(path: &Path, inputs: &[&'a Path]) -> Option<&'a Path> {
     let whole = whole(path).filter(|path| is_image(path))?;
     let holds = |input: &&&Path| {
@@ -45,7 +45,7 @@ pub(super) fn frame_of<'a>(path: &Path, inputs: &[&'a Path]) -> Option<&'a Path>
     inputs.iter().find(holds).copied()
 }
 
-/// Where a file is or will be, links followed.
+/// Returns the path of an existing or future file, with links resolved.
 fn whole(path: &Path) -> Option<PathBuf> {
     let new = || Some(fs::canonicalize(folder_of(path)).ok()?.join(path.file_name()?));
     fs::canonicalize(path).ok().or_else(new)

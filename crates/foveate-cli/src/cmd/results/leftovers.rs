@@ -1,14 +1,14 @@
-//! Folders that runs leave while they work, by name, and what becomes of those of runs that were killed.
+//! Names of the temporary folders of runs, and removal of those that killed runs left behind.
 
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-/// A folder that nothing was written to for so long is of a run that is no more.
+/// A temporary folder without writes for this long belongs to a dead run.
 const ABANDONED: Duration = Duration::from_secs(7 * 24 * 3600);
 
-/// `.NAME.PID.KIND`: a folder of this process beside NAME.
+/// Returns `.NAME.PID.KIND`: a temporary folder of this process beside NAME.
 pub(super) fn hidden(name: &OsStr, kind: &str) -> OsString {
     let mut hidden = OsString::from(".");
     hidden.push(name);
@@ -16,42 +16,42 @@ pub(super) fn hidden(name: &OsStr, kind: &str) -> OsString {
     hidden
 }
 
-/// `NAME.live-PID`: never removed by another run.
+/// Returns `NAME.live-PID`, which no other run removes.
 pub(super) fn growing(name: &OsStr) -> OsString {
     let mut growing = name.to_owned();
     growing.push(format!(".live-{}", std::process::id()));
     growing
 }
 
-/// `NAME.unplaced-PID`.
+/// Returns `NAME.unplaced-PID`.
 pub(super) fn rescued(name: &OsStr) -> OsString {
     let mut rescued = name.to_owned();
     rescued.push(format!(".unplaced-{}", std::process::id()));
     rescued
 }
 
-/// Removes what runs to `NAME` left behind that were killed, and puts back an earlier run that one of them had moved away.
+/// Removes the temporary folders of killed runs to `NAME`, and restores an earlier run that one of them had moved away.
 pub(super) fn sweep(folder: &Path, name: &OsStr, out: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten().filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
         let path = entry.path();
         match abandoned(&entry.file_name(), name, &path) {
             Some("old") if !out.exists() && fs::rename(&path, out).is_ok() => (),
-            // What cannot be removed does no harm.
+            // A folder that cannot be removed does no harm.
             Some(_) => drop(fs::remove_dir_all(&path)),
             None => (),
         }
     }
 }
 
-/// The kind of a folder that a run to `name` left behind which is no more.
+/// Returns the kind of a temporary folder if it belongs to a dead run to `name`.
 fn abandoned(found: &OsStr, name: &OsStr, path: &Path) -> Option<&'static str> {
     let rest = found.as_encoded_bytes().strip_prefix(b".")?.strip_prefix(name.as_encoded_bytes())?;
     let rest = std::str::from_utf8(rest.strip_prefix(b".")?).ok()?;
     let (process, kind) = rest.split_once('.')?;
     let kind = ["tmp", "old"].into_iter().find(|k| *k == kind)?;
     let process: u32 = process.parse().ok()?;
-    // A number may be given to another process again; ours was given to this one, which has made nothing yet.
+    // Process ids are reused: a folder with our id is left over, because this process has made none yet.
     (process == std::process::id() || !is_running(process) || untouched(path)).then_some(kind)
 }
 
@@ -62,13 +62,13 @@ fn is_running(process: u32) -> bool {
     pid.is_some_and(|pid| test_kill_process(pid) != Err(rustix::io::Errno::SRCH))
 }
 
-/// Nobody knows here: only its age tells.
+/// Process ids cannot be checked here; only the folder's age decides.
 #[cfg(not(any(target_os = "linux", target_os = "macos")))]
 fn is_running(_: u32) -> bool {
     true
 }
 
-/// Whether nothing was written in a folder for long.
+/// Returns whether a folder has had no writes for a long time.
 fn untouched(folder: &Path) -> bool {
     let time = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
     let inside = fs::read_dir(folder).into_iter().flatten().flatten().filter_map(|entry| time(&entry.path()));

@@ -4,7 +4,7 @@ fn write(folder: &Path, name: &str, text: &str) {
     fs::write(folder.join(name), text).expect("a writable folder");
 }
 
-/// A whole run to a folder: these files, with this text.
+/// Writes these files with this text as a complete run.
 fn run(out: &Path, names: &[&str], text: &str) -> Result<Vec<PathBuf>> {
     let results = Results::begin(out, names, &[])?;
     names.iter().for_each(|name| write(results.folder(), name, text));

@@ -1,4 +1,4 @@
-//! The server as a host of the page: its requests, its folders and its threads.
+//! The server as the host of the page: requests, folders and threads.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ enum Own {
     List { path: String },
     /// Opens a video, or a stream.
     Open { path: String },
-    /// Reports a box: the command that tracks it is printed.
+    /// Reports a box; the server prints the command that tracks it.
     Picked {
         session: u64,
         #[serde(deserialize_with = "counted_from_1")]
@@ -55,18 +55,18 @@ pub(super) struct App {
 /// The videos and configurations that the page may use.
 pub(super) struct Server {
     pub roots: Roots,
-    /// Whether a box that was drawn is only to be reported.
+    /// Set if a box is only reported, not tracked.
     pub pick: Option<Pick>,
-    /// What the page begins with.
+    /// Initial settings of the page.
     pub config: String,
     pub policy: Option<String>,
-    /// The threads that answer the page.
+    /// The threads that serve the page.
     pub pool: rayon::ThreadPool,
 }
 
-/// What becomes of a box that was picked.
+/// Handling of a picked box.
 pub(super) struct Pick {
-    /// Whether others may follow.
+    /// Whether further boxes are accepted.
     pub keep: bool,
     pub done: Arc<AtomicBool>,
 }
@@ -89,7 +89,7 @@ impl Host for Server {
         Ok(json!({ "pick": pick, "roots": roots, "configs": configs, "config": self.config, "policy": self.policy }))
     }
 
-    /// The page may not name files.
+    /// Refuses files named by the page.
     fn setup(&self, config: String, policy: Option<String>, seed: Option<u64>) -> Result<Setup> {
         if config != self.config && !Config::names().contains(&&*config) {
             return Err(Error::Config(format!("no configuration is called {config}; choose one of the list")));
@@ -111,7 +111,7 @@ impl Host for Server {
 }
 
 impl App {
-    /// Answers a request.
+    /// Returns the response to a request.
     pub(super) fn answer(&self, request: &Request) -> Response {
         if let Err(refused) = self.guard.check(request) {
             return refused;
@@ -155,7 +155,7 @@ impl App {
         }
     }
 
-    /// A frame of the browser's camera.
+    /// Handles a frame from the browser's camera.
     fn push(&self, request: &Request) -> Response {
         let number = |name: &str| request.query(name).unwrap_or_default();
         let time = number("time").parse().ok().filter(|time: &f64| time.is_finite());
@@ -226,7 +226,7 @@ impl Server {
     }
 }
 
-/// A frame (from 0) as JPEG.
+/// Returns a frame (index from 0) as JPEG.
 fn picture(session: &mut Session<Server>, index: usize) -> Result<Option<Arc<[u8]>>> {
     let decoded = session.decoded();
     match &mut session.source {
@@ -235,13 +235,13 @@ fn picture(session: &mut Session<Server>, index: usize) -> Result<Option<Arc<[u8
     }
 }
 
-/// A saved file as an answer.
+/// Returns a saved file as a response.
 fn file(session: &Session<Server>, name: &str) -> Option<Response> {
     let kind = match name.rsplit('.').next() {
         Some("csv") => "text/csv; charset=utf-8",
         Some("mp4") => "video/mp4",
         Some("png") => "image/png",
-        // A page of its own must not run where our page runs.
+        // A saved HTML file must not run in the origin of our page.
         Some("html") => "application/octet-stream",
         _ => "text/plain; charset=utf-8",
     };

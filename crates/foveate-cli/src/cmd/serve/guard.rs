@@ -1,24 +1,23 @@
-//! Whose requests are answered.
+//! Access checks of requests.
 
 use std::net::IpAddr;
 
 use super::http::{Request, Response};
 
-/// What a request must show before anything else is looked at.
+/// The checks that every request must pass first.
 #[derive(Clone, Debug)]
 pub(super) struct Guard {
     pub port: u16,
-    /// Whether others than this machine may come: then a token is asked for.
+    /// Whether other machines may connect; a token is then required.
     pub remote: bool,
     pub token: Option<String>,
 }
 
-/// The header that has the token; the query may have it too, where a page or a picture is asked for.
+/// The header with the token. The query may hold it instead for a page or a picture.
 const TOKEN: &str = "x-foveate-token";
 
 impl Guard {
-    /// Refuses a request that comes by a name that is not ours (DNS rebinding), without the token, by a method that nothing here
-    /// has, or from a page that is not ours.
+    /// Refuses a request with a foreign host name (DNS rebinding), without the token, with an unsupported method, or from a foreign page.
     pub(super) fn check(&self, request: &Request) -> Result<(), Response> {
         let host = request.header("host").unwrap_or_default();
         if !self.is_ours(host) {
@@ -49,7 +48,7 @@ impl Guard {
         Ok(())
     }
 
-    /// An address with our port, or `localhost`: a name could be made to lead here by whoever owns it.
+    /// Returns whether the host is an IP address with our port or `localhost`. Any other name could be pointed here by its owner.
     fn is_ours(&self, host: &str) -> bool {
         let (name, port) = match host.rsplit_once(':') {
             Some((name, port)) if !port.contains(']') => (name, port.parse::<u16>().ok()),
@@ -66,7 +65,7 @@ impl Guard {
     fn has_token(&self, request: &Request) -> bool {
         let Some(token) = &self.token else { return !self.remote };
         let given = request.header(TOKEN).or_else(|| request.query("token")).unwrap_or_default();
-        // As long for a wrong first letter as for a wrong last one.
+        // Constant time: independent of the position of the first wrong letter.
         let apart = given.bytes().zip(token.bytes()).fold(0, |apart, (a, b)| apart | (a ^ b));
         given.len() == token.len() && apart == 0
     }

@@ -1,61 +1,61 @@
-//! HTTP/1.1 over a stream, as little of it as the page needs, every size bounded.
+//! A minimal HTTP/1.1 server over a stream, with all sizes bounded.
 
 use std::fs::File;
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
-/// Bytes of a request's first line and headers, at most.
+/// Maximum size of a request's first line and headers, bytes.
 pub(super) const MOST_HEAD: usize = 16 << 10;
-/// Headers of a request, at most.
+/// Maximum number of request headers.
 const MOST_HEADERS: usize = 64;
-/// Bytes of a request's body, at most.
+/// Maximum size of a request's body, bytes.
 pub(super) const MOST_BODY: usize = 64 << 10;
-/// Bytes of a picture that the page pushes, at most; taken of the page alone.
+/// Maximum size of an uploaded picture, bytes; accepted only from the page.
 pub(super) const MOST_PICTURE: usize = 2 << 20;
-/// How long a request may take to come, from its first byte.
+/// Time limit for receiving a request, from its first byte.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// A request that was read whole.
+/// A complete request.
 #[derive(Debug, Default)]
 pub(super) struct Request {
     pub method: String,
-    /// Without the query, as it came: nothing in it is decoded.
+    /// The path without the query, not decoded.
     pub path: String,
-    /// Names and values of the query, as they came.
+    /// Names and values of the query, not decoded.
     pub query: Vec<(String, String)>,
-    /// Names in lower case.
+    /// Headers with lower-case names, and their values.
     pub headers: Vec<(String, String)>,
     pub body: Vec<u8>,
-    /// Whether the connection is to be kept for another request.
+    /// Whether to keep the connection for another request.
     pub keep: bool,
 }
 
 impl Request {
-    /// A header that is there once; `None` where it is not there, or twice.
+    /// Returns a header that occurs exactly once, otherwise `None`.
     pub(super) fn header(&self, name: &str) -> Option<&str> {
         let mut all = self.headers.iter().filter(|(n, _)| n == name);
         all.next().filter(|_| all.next().is_none()).map(|(_, value)| &**value)
     }
-    /// Whether a header is there, once or more often.
+    /// Returns whether a header occurs at least once.
     pub(super) fn has(&self, name: &str) -> bool {
         self.headers.iter().any(|(n, _)| n == name)
     }
-    /// A value of the query.
+    /// Returns a value of the query.
     pub(super) fn query(&self, name: &str) -> Option<&str> {
         self.query.iter().find(|(n, _)| n == name).map(|(_, value)| &**value)
     }
 }
 
-/// An answer.
+/// A response.
 #[derive(Debug)]
 pub(super) struct Response {
     pub status: u16,
     /// Its media type.
     pub kind: &'static str,
     pub body: Vec<u8>,
-    /// What follows the body, and how many bytes of it: sent as it is read.
+    /// A file to send after the body, and the number of its bytes; it is read while it is sent.
     pub file: Option<(File, u64)>,
-    /// Further headers; values of our own making.
+    /// Further headers, with values from this program only.
     pub headers: Vec<(&'static str, String)>,
 }
 
@@ -63,24 +63,24 @@ impl Response {
     pub(super) fn new(status: u16, kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
         Self { status, kind, body: body.into(), file: None, headers: vec![] }
     }
-    /// A refusal of a method that is not the one that this path has.
+    /// Returns the response for an unsupported method of this path.
     pub(super) fn other_method(path: &str) -> Self {
         let allowed = if ["/api", "/push"].contains(&path) { "POST" } else { "GET" };
         let refusal = Self::error(405, "another method is needed here");
         Self { headers: vec![("Allow", allowed.into())], ..refusal }
     }
-    /// A refusal, as JSON.
+    /// Returns an error response as JSON.
     pub(super) fn error(status: u16, what: &str) -> Self {
         Self::new(status, "application/json", serde_json::json!({ "error": what }).to_string())
     }
 }
 
-/// Why there is no request.
+/// The reason why no request was read.
 #[derive(Debug)]
 pub(super) enum Ended {
-    /// The other side has gone, or said nothing for too long.
+    /// The peer closed the connection or timed out.
     Gone,
-    /// It is none that is answered: say so, and close.
+    /// The request is not supported: respond and close.
     Refused(u16, &'static str),
 }
 
@@ -95,7 +95,7 @@ impl<S: Read + Write> Connection<S> {
         Self { stream, buffer: vec![] }
     }
 
-    /// The next request. `trusted` says, by its head, whether a body as large as a picture is taken.
+    /// Reads the next request. `trusted` decides from its head whether a body of picture size is accepted.
     pub(super) fn request(&mut self, trusted: &dyn Fn(&Request) -> bool) -> Result<Request, Ended> {
         let mut began: Option<Instant> = (!self.buffer.is_empty()).then(Instant::now);
         let (mut request, head, length) = loop {
@@ -133,7 +133,7 @@ impl<S: Read + Write> Connection<S> {
         }
     }
 
-    /// Answers.
+    /// Sends a response.
     pub(super) fn respond(&mut self, response: &Response, keep: bool) -> std::io::Result<()> {
         let mut head = format!(
             "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: {}\r\n\
@@ -160,13 +160,13 @@ impl<S: Read + Write> Connection<S> {
         self.stream.flush()
     }
 
-    /// The stream below.
+    /// Returns the underlying stream.
     pub(super) fn stream(&mut self) -> &mut S {
         &mut self.stream
     }
 }
 
-/// The request whose head these bytes begin with, the head's length and the body's; `None` where more must come.
+/// Parses the head of a request: returns the request, the head's length and the body's length, or `None` if bytes are missing.
 fn head(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, Ended> {
     let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
     let mut parsed = httparse::Request::new(&mut headers);
@@ -228,7 +228,7 @@ fn reason(status: u16) -> &'static str {
 mod tests {
     use super::*;
 
-    /// Gives its bytes a few at a time.
+    /// A reader that returns a few bytes per call.
     struct Slow(Vec<u8>, usize);
 
     impl Read for Slow {

@@ -1,4 +1,4 @@
-//! Streams and cameras that the user named.
+//! Streams and cameras from the command line.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,10 +10,10 @@ use foveate_page::{Pull, Recent, Source, check_size};
 
 use super::video::Open;
 
-/// How long to wait for a frame of a stream.
+/// Maximum time to wait for a frame of a stream.
 const PATIENCE: Duration = Duration::from_secs(15);
 
-/// Opens a stream or a camera as `foveate track` does: the newest frame is kept, others are dropped. A file with an end waits.
+/// Opens a stream or a camera as `foveate track` does: keeps the newest frame and drops the others. A file waits for the reader.
 pub(super) fn open(address: &Path) -> Result<(Source<Open>, SourceInfo)> {
     let notify = |text: &str| note!("foveate: {text}");
     let source = Stream::open(address, LiveOptions { notify, ..LiveOptions::default() })?;
@@ -23,7 +23,7 @@ pub(super) fn open(address: &Path) -> Result<(Source<Open>, SourceInfo)> {
     let late = move || Instant::now() > *deadline.lock().unwrap_or_else(PoisonError::into_inner);
     let pace = Pace { every_frame: source.is_finite(), ..Pace::default() };
     let (mut source, meter) = newest(Box::new(source), pace, late);
-    // The number of frames of a file is an estimate; here it goes on until it ends.
+    // The number of frames of a file is an estimate; here the source ends with its last frame.
     let info = SourceInfo { frames: None, ..source.info().clone() };
     let mut counted = 0;
     let pull: Pull = Box::new(move |recent| {

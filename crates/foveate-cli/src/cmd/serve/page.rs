@@ -1,4 +1,4 @@
-//! The page: one document with its style and scripts, and what it may do.
+//! The page: one document with its style and scripts, and its content security policy.
 
 use std::sync::OnceLock;
 
@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::http::Response;
 
-/// The document, and the policy that lets it run its own style and script, talk to us, and nothing else.
+/// Returns the document, and the policy that permits only its own style, its own script and connections to this server.
 fn page() -> &'static (String, String) {
     static PAGE: OnceLock<(String, String)> = OnceLock::new();
     PAGE.get_or_init(|| {
@@ -29,7 +29,7 @@ fn page() -> &'static (String, String) {
     })
 }
 
-/// The page as an answer.
+/// Returns the page as a response.
 pub(super) fn response() -> Response {
     let (html, policy) = page();
     let mut response = Response::new(200, "text/html; charset=utf-8", html.as_bytes());

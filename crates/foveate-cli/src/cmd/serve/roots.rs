@@ -1,6 +1,6 @@
-//! What lies below the folders and files that may be seen, and nothing else.
+//! Restricts the page to the folders and files given on the command line.
 //!
-//! A place is named by the number of its root and the names below it: `0/walks/one.mp4`.
+//! A place is named by the index of its root and the path below it: `0/walks/one.mp4`.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -8,51 +8,51 @@ use foveate::video::{image_files, is_live, is_video, without_password};
 use foveate::{Error, Result};
 use serde::Serialize;
 
-/// Names listed of a folder, at most.
+/// Maximum number of listed names per folder.
 const MOST: usize = 2000;
 
-/// The folders and files that may be seen.
+/// The accessible folders and files.
 #[derive(Debug)]
 pub(super) struct Roots(Vec<Root>);
 
 #[derive(Debug)]
 struct Root {
-    /// As it was given.
+    /// The path as given.
     given: PathBuf,
-    /// As the system calls it; of a stream or a camera its address.
+    /// The canonical path; for a stream or a camera, its address.
     real: PathBuf,
     live: bool,
 }
 
-/// A place that was found.
+/// An accessible place.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
-    /// As the user would write it.
+    /// The path as the user would write it.
     pub shown: PathBuf,
-    /// As the system calls it.
+    /// The canonical path.
     pub real: PathBuf,
     root: PathBuf,
 }
 
 impl Place {
-    /// A file in it, or the place itself where it is one; none that leads out of the root.
+    /// Returns a file in the place, or the place itself if it is a file; `None` if the file lies outside the root.
     pub(super) fn inside(&self, file: &Path) -> Option<PathBuf> {
         let real = file.canonicalize().ok()?;
         (real.starts_with(&self.root) && real.is_file()).then_some(real)
     }
 }
 
-/// What there is in a folder.
+/// An entry of a folder.
 #[derive(Debug, Serialize)]
 pub(super) struct Entry {
     pub name: String,
     pub path: String,
-    /// folder, images, video, stream
+    /// The kind: `folder`, `images`, `video` or `stream`.
     pub kind: &'static str,
 }
 
 impl Roots {
-    /// Fails where one is not there, or neither a folder nor a regular file.
+    /// Fails if a path does not exist or is neither a folder nor a regular file.
     pub(super) fn new(paths: &[PathBuf]) -> Result<Self> {
         let root = |given: &PathBuf| {
             if is_live(given) {
@@ -71,7 +71,7 @@ impl Roots {
         paths.iter().map(root).collect::<Result<_>>().map(Self)
     }
 
-    /// What a name stands for: a folder or a regular file below a root.
+    /// Returns the folder or regular file that a name stands for.
     pub(super) fn find(&self, name: &str) -> Result<Place> {
         let nothing = || Error::Invalid(format!("there is no {name:?} here; choose from the list"));
         let (root, rest) = name.split_once('/').unwrap_or((name, ""));
@@ -90,13 +90,13 @@ impl Roots {
         Ok(Place { shown: join(&root.given), real, root: root.real.clone() })
     }
 
-    /// The address of a stream or a camera that was given.
+    /// Returns the address of a given stream or camera.
     pub(super) fn stream(&self, name: &str) -> Option<&Path> {
         let root = name.parse().ok().and_then(|k: usize| self.0.get(k))?;
         root.live.then_some(&*root.real)
     }
 
-    /// What there is to choose in a place; of no name, the roots.
+    /// Lists the entries of a place; an empty name lists the roots.
     pub(super) fn list(&self, name: &str) -> Result<Vec<Entry>> {
         if name.is_empty() {
             let entry = |(k, root): (usize, &Root)| {
@@ -127,7 +127,7 @@ impl Roots {
     }
 }
 
-/// What a place is to the page; `None` for what it cannot show.
+/// Returns the kind of a place for the page; `None` if the page cannot show it.
 fn kind(path: &Path) -> Option<&'static str> {
     if path.is_dir() {
         return Some(if image_files(path).is_ok() { "images" } else { "folder" });

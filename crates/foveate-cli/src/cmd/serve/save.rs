@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use foveate::{Error, Result};
 
-/// Makes a folder for results among the temporary ones, which nobody else can read.
+/// Creates a temporary folder for results, readable only by this user.
 pub(super) fn scratch() -> Result<PathBuf> {
     static NUMBER: AtomicUsize = AtomicUsize::new(0);
     let builder = || {

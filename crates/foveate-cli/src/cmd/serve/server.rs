@@ -1,4 +1,4 @@
-//! Connections: a thread each, a bounded number of them.
+//! Connections: one thread each, with a maximum number.
 
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -8,20 +8,20 @@ use std::time::Duration;
 
 use super::http::{Connection, Ended, Request, Response};
 
-/// Connections at a time; more are closed at once.
+/// Maximum number of connections; further ones are closed at once.
 const MOST: usize = 64;
-/// How long a connection may say nothing, and may take to read an answer.
+/// Time limit for an idle connection and for sending a response.
 const SILENCE: Duration = Duration::from_secs(30);
-/// How often it is asked whether to stop.
+/// Interval between checks of the stop condition.
 const POLL: Duration = Duration::from_millis(100);
 
-/// Answers requests.
+/// Computes the response to a request.
 pub(super) type Answer = dyn Fn(&Request) -> Response + Send + Sync;
 
-/// Says whose large bodies are taken, by the head of the request.
+/// Decides from the head of a request whether a large body is accepted.
 pub(super) type Trusted = dyn Fn(&Request) -> bool + Send + Sync;
 
-/// Answers until `stop` says so.
+/// Serves requests until `stop` returns true.
 pub(super) fn serve(
     listener: &TcpListener,
     answer: &Arc<Answer>,
@@ -35,7 +35,7 @@ pub(super) fn serve(
             break;
         }
         let Ok(stream) = stream else {
-            // Of too many open files: others must close first.
+            // Too many open files: wait until others close.
             std::thread::sleep(POLL);
             continue;
         };
@@ -55,7 +55,7 @@ pub(super) fn serve(
     Ok(())
 }
 
-/// Comes to the door once it is to be closed, for a listener waits for somebody to come.
+/// Connects to the listener once `stop` returns true, because a listener blocks until a connection arrives.
 fn wake(mut address: SocketAddr, stop: Arc<dyn Fn() -> bool + Send + Sync>) -> std::io::Result<()> {
     if address.ip().is_unspecified() {
         address.set_ip(if address.is_ipv4() { [127, 0, 0, 1].into() } else { std::net::Ipv6Addr::LOCALHOST.into() });
@@ -82,7 +82,7 @@ fn converse(stream: TcpStream, answer: &Answer, trusted: &Trusted) {
                 let mut response =
                     answered.unwrap_or_else(|_| Response::error(500, "an error of the program; open the video again"));
                 if request.method == "HEAD" {
-                    // What follows the head would be taken for the next answer.
+                    // Bytes after the head would be read as the next response.
                     response.body.clear();
                 }
                 (response, request.keep)

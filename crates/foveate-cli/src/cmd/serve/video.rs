@@ -1,4 +1,4 @@
-//! A video of which any frame can be had, and its frames as pictures for the page.
+//! A video with random access to its frames, and its frames as pictures for the page.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
@@ -14,10 +14,10 @@ use foveate_page::{BEFORE, Frames, Player, Reopen, check_size};
 use super::roots::Place;
 use crate::cmd::track::outputs::bit_rate;
 
-/// The longer side of a picture on the page, pixels, at most.
+/// Maximum longer side of a picture on the page, pixels.
 const LONGEST: usize = 1280;
 const QUALITY: u8 = 85;
-/// Bytes of pictures that a session keeps.
+/// Maximum size of the pictures that a session keeps, bytes.
 const KEPT: usize = 64 << 20;
 
 /// A video that can be opened at any frame.
@@ -25,7 +25,7 @@ const KEPT: usize = 64 << 20;
 pub(super) struct Video {
     pub place: Place,
     pub info: SourceInfo,
-    /// Its pictures, where it is a folder.
+    /// The image files, if the video is a folder.
     files: Option<Arc<[PathBuf]>>,
 }
 
@@ -45,7 +45,7 @@ impl Video {
         Ok(Self { place, info, files })
     }
 
-    /// The true boxes, where the folder has them.
+    /// Returns the true boxes, if the folder has them.
     pub(super) fn truth(&self) -> Vec<Option<BBox>> {
         let folder = if self.place.real.is_dir() { Some(&*self.place.real) } else { self.place.real.parent() };
         let file = folder.and_then(|folder| self.place.inside(&folder.join("groundtruth_rect.txt")));
@@ -69,7 +69,7 @@ fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<d
     }
 }
 
-/// A video that is open, with its pictures for the page.
+/// An open video, with its pictures for the page.
 pub(super) struct Open {
     video: Video,
     pub stills: Stills,
@@ -93,9 +93,9 @@ impl foveate_page::Video for Open {
     }
 }
 
-/// Frames as JPEG files, of which the last ones are kept.
+/// A cache of the most recent frames as JPEG files.
 pub(super) struct Stills {
-    /// Frames as they are.
+    /// The original frames.
     pub player: Player<Video>,
     kept: BTreeMap<usize, Arc<[u8]>>,
     order: VecDeque<usize>,
@@ -107,7 +107,7 @@ impl Stills {
         Self { player: Player::new(video), kept: BTreeMap::new(), order: VecDeque::new(), bytes: 0 }
     }
 
-    /// Frame `index` as a picture, from `decoded` where it is that one; `None` where the video ends before.
+    /// Returns frame `index` as a picture, from `decoded` if that is the frame; `None` if the video ends before it.
     pub(super) fn get(&mut self, index: usize, decoded: Option<&Arc<Frame>>) -> Result<Option<Arc<[u8]>>> {
         if let Some(jpeg) = self.kept.get(&index) {
             return Ok(Some(Arc::clone(jpeg)));
@@ -148,13 +148,13 @@ impl Stills {
     }
 }
 
-/// A frame as the page shows it: one that is large is made smaller by a whole factor.
+/// Encodes a frame for the page; reduces a large frame by an integer factor.
 pub(super) fn jpeg(image: &Image) -> Vec<u8> {
     let k = image.width().max(image.height()).div_ceil(LONGEST);
     if k <= 1 { encode_jpeg(image, QUALITY) } else { encode_jpeg(&smaller(image, k), QUALITY) }
 }
 
-/// Means of k × k pixels, or nearly so where a side is no multiple of k.
+/// Averages blocks of k × k pixels, or slightly different ones if a side is no multiple of k.
 fn smaller(image: &Image, k: usize) -> Image {
     shrunk(image, (image.width() / k).max(1), (image.height() / k).max(1))
 }

@@ -1,4 +1,4 @@
-//! The arguments of `foveate track`, and the configuration that they ask for.
+//! The arguments of `foveate track`, and the configuration that they select.
 
 use std::path::{Path, PathBuf};
 
@@ -12,100 +12,99 @@ use super::many::ManyArgs;
 use super::source::{SourceArgs, StreamTo, parse_stream};
 use crate::cmd::configure::{Changes, Profile, config_name, read};
 
-/// Its section of a configuration.
+/// The recogniser's section of a configuration.
 const RECOGNISER: &str = "recogniser";
 
-/// The recogniser that ships with the program.
+/// The shipped recogniser.
 pub(crate) const DIGITS: &str = "builtin:digits";
 
-/// What is said of files and of numbers in them.
+/// Help text on the output files and their numbering.
 const FILES: &str = "\
-Results appear in --out together, when the run ends: whole, or not at all. A run that tracks nothing leaves the folder as it was. \
-An earlier run in it is replaced; other files in it stay. A finished run stays, too, where a file of the new one could not be written: \
-the other files are in OUT.unplaced-PID then. run.json lists the files of the run, and says how it ended.
+All results appear in --out when the run ends, or none do. A run that tracks nothing leaves the folder unchanged. A new run replaces \
+an earlier run in the folder; other files stay. If a file of a new run cannot be written, a finished run in the folder also stays, and \
+the other new files are in OUT.unplaced-PID. run.json lists the files of the run and states how it ended.
 
-Of a stream, a camera or a pipe, boxes.txt and track.csv (tracks.txt and tracks.csv of many targets) grow line by line in the folder
-OUT.live-PID beside --out until the run ends, and stay there where it is killed. report.html, trace.jsonl and regret.csv then hold the
+For a stream, a camera or a pipe, boxes.txt and track.csv (with many targets tracks.txt and tracks.csv) grow line by line in the folder
+OUT.live-PID beside --out until the run ends, and stay there if it is killed. report.html, trace.jsonl and regret.csv then hold the
 first 10,000 frames, and there is no annotated.mp4.
 
 Frames count from 1 everywhere. Boxes on the command line, in boxes.txt, tracks.txt and files of detections count pixels from 1, \
-as OTB and MOTChallenge do; track.csv, tracks.csv, trace.jsonl and --json count pixels from 0. A box that lies outside the picture \
-stands in boxes.txt at the nearest place where it touches the picture, and in track.csv where it is believed to be.";
+as in OTB and MOTChallenge; track.csv, tracks.csv, trace.jsonl and --json count pixels from 0. boxes.txt moves a box outside the \
+picture to the nearest place where it touches the picture; track.csv has the estimated position.";
 
 #[derive(clap::Args)]
 #[command(after_long_help = FILES)]
 pub(crate) struct Args {
-    /// A video file, or a folder of images, or of tiles (foveate tiles); - or a fifo for yuv4mpeg from a pipe; rtsp://, http://, https:// or /dev/video0 for a
-    /// stream or camera (through the program ffmpeg). Of several videos each has a folder in --out: finished ones are passed over,
-    /// the first box of VIDEO.mp4 is in VIDEO.txt, index.html has the worst first, failures.txt those that failed
+    /// Video file; folder of images or of tiles (foveate tiles); - or a fifo for yuv4mpeg from a pipe; rtsp://, http://, https:// or
+    /// /dev/video0 for a stream or camera (requires ffmpeg). With several videos, --out has one folder per video: finished videos are
+    /// skipped, VIDEO.txt holds the first box of VIDEO.mp4, index.html lists the worst videos first, and failures.txt lists the failed ones
     #[arg(required = true, value_name = "SOURCE")]
     pub(super) sources: Vec<PathBuf>,
     #[command(flatten)]
     pub(super) input: SourceArgs,
-    /// Write a line a frame as it happens: JSON or MOTChallenge's text to standard output, or JSON to an address. What else is said
-    /// goes to standard error then
+    /// Write one line per frame as it is tracked: JSON or MOTChallenge's text to standard output, or JSON to an address. Other messages
+    /// then go to standard error
     #[arg(long, value_name = "json|mot|udp:HOST:PORT", num_args = 0..=1, default_missing_value = "json", value_parser = parse_stream)]
     pub(super) stream: Option<StreamTo>,
-    /// The target's box in the first frame: left, top, width, height in pixels, counted from 1 as in boxes.txt.
-    /// `motion` takes what moves between the first two frames (the camera must stand still); `motion:W,H` gives it that size.
-    /// Left out, the first line of groundtruth_rect.txt in the folder is taken, or of VIDEO.txt beside VIDEO.mp4. Given several times, many targets are followed
+    /// Target's box in the first frame: left, top, width, height in pixels, counted from 1 as in boxes.txt. `motion` selects the object
+    /// that moves between the first two frames (the camera must stand still); `motion:W,H` gives it that size. Default: the first line of
+    /// groundtruth_rect.txt in the folder, or of VIDEO.txt beside VIDEO.mp4. Repeat the option to follow many targets
     #[arg(long, value_name = "X,Y,W,H|motion", value_parser = parse_init, allow_hyphen_values = true)]
     pub(super) init: Vec<Init>,
     #[command(flatten)]
     pub(super) many: ManyArgs,
-    /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
+    /// Restart the tracker at a later frame (counted from 1) with a new box. Repeatable
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     pub(super) reinit: Vec<(usize, BBox)>,
-    /// Folder for the results: boxes.txt, track.csv, annotated.mp4, report.html, surface.png where the gaze policy learns, and
-    /// run.json, which lists them; of many targets tracks.txt, tracks.csv, targets.csv, annotated.mp4, report.html
+    /// Output folder: boxes.txt, track.csv, annotated.mp4, report.html, surface.png if the gaze policy learns, and run.json, which lists
+    /// the files. With many targets: tracks.txt, tracks.csv, targets.csv, annotated.mp4, report.html
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     pub(super) out: PathBuf,
-    /// A configuration file, or the name of one that ships with the program (natural, digits, ...: see `foveate configs`);
-    /// natural if left out
+    /// Configuration file, or the name of a shipped configuration (natural, digits, ...: see `foveate configs`); default: natural
     #[arg(long, short, value_name = "FILE|NAME")]
     pub(super) config: Option<String>,
-    /// How much time a frame may take, where no configuration is given
+    /// Trade-off between speed and accuracy, if no configuration is given
     #[arg(long, value_enum, conflicts_with = "config")]
     pub(super) profile: Option<Profile>,
     #[command(flatten)]
     pub(super) changes: Changes,
-    /// Seed of all random numbers: the same seed gives the same track. Left out, the configuration's seed is taken
+    /// Random seed; the same seed gives the same track. Default: the configuration's seed
     #[arg(long)]
     pub(super) seed: Option<u64>,
-    /// Go on from a state written by --save-state, at the frame after the last one tracked; needs the same --config and --seed
+    /// Resume from a state written by --save-state, at the frame after the last tracked one; requires the same --config and --seed
     #[arg(long, value_name = "FILE", conflicts_with = "init")]
     pub(super) load_state: Option<PathBuf>,
-    /// Write the tracker's whole state after the last frame, for --load-state
+    /// Save the tracker's state after the last frame, for --load-state
     #[arg(long, value_name = "FILE")]
     pub(super) save_state: Option<PathBuf>,
-    /// Stop after this frame (counted from 1)
+    /// Stop after this frame, counted from 1
     #[arg(long, value_name = "FRAME", value_parser = clap::value_parser!(u64).range(1..))]
     pub(super) until: Option<u64>,
     /// Print the summary as JSON
     #[arg(long)]
     pub(super) json: bool,
-    /// Score nine gazes in every frame beside the policy's own, and write the regret against the best of them in
-    /// hindsight: regret.csv, regret.svg and a section of the report. Takes time; the track stays the same
+    /// Score nine gazes in every frame beside the policy's own, and report the regret against the best of them in hindsight: regret.csv,
+    /// regret.svg and a section of the report. Slower; the track stays the same
     #[arg(long)]
     pub(super) regret: bool,
-    /// Name the target by a model of `foveate train classifier` or `train fixations`. Without MODEL by the one that ships, which knows
-    /// the digits 0 to 9 alone and calls everything a digit. The class stands in track.csv, trace.jsonl, video and report; the track stays
-    /// the same. MODEL takes the place of the configuration's recogniser; --set recogniser.KEY=VALUE changes its settings
+    /// Recognise the target with a model of `foveate train classifier` or `train fixations`. Default model: the shipped one, which knows
+    /// only the digits 0 to 9 and assigns every target to one of them. The class appears in track.csv, trace.jsonl, the video and the
+    /// report; the track stays the same. MODEL replaces the configuration's recogniser; --set recogniser.KEY=VALUE changes its settings
     #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
     pub(super) recognise: Option<String>,
-    /// Write trace.jsonl too: every intermediate quantity of every frame, particles included; some 100 kB a frame
+    /// Also write trace.jsonl: every intermediate quantity of every frame, including the particles; about 100 kB per frame
     #[arg(long)]
     pub(super) trace: bool,
-    /// Leave out annotated.mp4
+    /// Do not write annotated.mp4
     #[arg(long)]
     pub(super) no_video: bool,
-    /// Leave out report.html and surface.png
+    /// Do not write report.html and surface.png
     #[arg(long)]
     pub(super) no_report: bool,
 }
 
 impl Args {
-    /// The models that are named beside the configuration: the recogniser's and the detector's.
+    /// Returns the model files named beside the configuration: the recogniser's and the detector's.
     pub(super) fn models(&self) -> impl Iterator<Item = &Path> {
         let network = match &self.many.detect {
             Some(DetectorConfig::Onnx(settings)) => Some(Path::new(&settings.model)),
@@ -114,7 +113,8 @@ impl Args {
         self.recognise.iter().map(Path::new).chain(network)
     }
 
-    /// The files that the run reads: its results must not replace them. A state that is taken up may be replaced: so it goes on.
+    /// Returns the input files of the run, which its results must not replace. A loaded state may be replaced, so that a run can resume in
+    /// place.
     pub(super) fn inputs(&self, source: &Path) -> Vec<PathBuf> {
         let (files, model) = ([&self.many.detections, &self.many.inits], self.models());
         let config = self.config.iter().map(Path::new);
@@ -124,18 +124,18 @@ impl Args {
         files.map(PathBuf::from).chain(truth).collect()
     }
 
-    /// Whether many targets are asked for.
+    /// Returns whether the arguments ask for many targets.
     pub(super) fn asks_for_many(&self) -> bool {
         self.many.asked() || self.init.len() > 1
     }
 
-    /// The configuration, the folder of its models, and what it is called.
+    /// Returns the configuration, the folder of its models, and its description.
     pub(super) fn configured(&self) -> Result<(Config, Folder, String)> {
         let name = match (&self.config, self.profile) {
             (None, None) if self.asks_for_many() => self.many.config(),
             (config, profile) => config_name(config.as_deref(), profile),
         };
-        // Its settings are those of --recognise, where that takes its place.
+        // The settings of --recognise apply to it if it replaces the configuration's recogniser.
         let others = self.recognise.as_ref().map(|_| self.changes.apart(RECOGNISER).1);
         let (config, folder) = read(name, others.as_ref().unwrap_or(&self.changes))?;
         Ok((config, folder, self.changes.describe(name)))

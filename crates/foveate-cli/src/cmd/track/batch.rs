@@ -1,4 +1,4 @@
-//! `foveate track` of many videos: a folder each, finished ones passed over, failures listed, an index with the worst first.
+//! Runs `foveate track` on many videos: one folder per video, finished videos skipped, failures listed, and an index with the worst first.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -19,25 +19,25 @@ use crate::cmd::results::is_finished;
 use crate::runs::Entry;
 use crate::terminal;
 
-/// What is known of the videos so far, for a second call and for programs.
+/// Records the state of every video, for a second call and for programs.
 const LIST: &str = "runs.json";
 
 #[derive(Serialize, Deserialize)]
 struct Runs {
-    /// The command without its videos: runs of other settings do not mix.
+    /// The command without its videos: runs with different settings do not mix.
     settings: String,
-    /// A digest of what these settings came to.
+    /// A digest of the resolved settings.
     #[serde(default)]
     configuration: String,
-    /// By the name of the video's folder.
+    /// The runs by the name of the video's folder.
     runs: BTreeMap<String, Run>,
 }
 
-/// What became of a video.
+/// The result of one video.
 #[derive(Serialize, Deserialize)]
 struct Run {
     source: String,
-    /// The box beside it that it began with.
+    /// The first box, if it was read from a file beside the video.
     #[serde(default)]
     first: Option<String>,
     #[serde(flatten)]
@@ -46,7 +46,7 @@ struct Run {
 }
 
 impl Run {
-    /// Failures first, then by the share of frames that are occluded or lost, then of lost ones.
+    /// Sort key: failures first, then by the fraction of occluded or lost frames, then of lost ones.
     fn badness(&self) -> (bool, f64, f64) {
         let share = |n: usize| n as f64 / self.tally.frames.max(1) as f64;
         (
@@ -60,7 +60,8 @@ impl Run {
 /// Tracks through each of `args.sources`.
 ///
 /// # Errors
-/// An option is for one video, two videos have one name, the folder has runs of other settings; at the end, where videos failed.
+/// An option applies to a single video, two videos have the same name, or the folder has runs with other settings; at the end, if videos
+/// failed.
 pub(super) fn run(mut args: Args) -> Result<()> {
     refuse(&args)?;
     let (root, sources) = (args.out.clone(), std::mem::take(&mut args.sources));
@@ -83,7 +84,7 @@ pub(super) fn run(mut args: Args) -> Result<()> {
             continue;
         }
         note!("{} of {total}: {}", i + 1, source.display());
-        // What a damaged video does to one run must not end the others.
+        // A damaged video must not end the other runs.
         let result = quiet::catch(|| one(&args, source, &out)).unwrap_or_else(|panic| Err(Error::Invalid(panic)));
         let (tally, error) = match result {
             Ok(tally) => (tally, None),
@@ -113,7 +114,7 @@ pub(super) fn run(mut args: Args) -> Result<()> {
     Ok(())
 }
 
-/// Refuses what means one video.
+/// Refuses options that apply to a single video.
 fn refuse(args: &Args) -> Result<()> {
     let many = &args.many;
     let given = [
@@ -131,7 +132,7 @@ fn refuse(args: &Args) -> Result<()> {
     }
 }
 
-/// The videos by the names of their folders: the file's name without its ending.
+/// Returns the videos by the names of their folders: the file name without its extension.
 fn named(sources: &[PathBuf]) -> Result<BTreeMap<String, &PathBuf>> {
     let mut named = BTreeMap::new();
     for source in sources {
@@ -149,10 +150,10 @@ fn named(sources: &[PathBuf]) -> Result<BTreeMap<String, &PathBuf>> {
     Ok(named)
 }
 
-/// What changes no result, by the names of its fields.
+/// The fields that do not change results, by name.
 const NO_SETTINGS: [&str; 5] = ["sources", "out", "json", "threads", "decoder"];
 
-/// The command without the videos and without what changes no result; every option by its long name.
+/// Returns the command without the videos and without options that do not change results; every option by its long name.
 fn settings() -> Result<String> {
     let words = std::iter::once("foveate".to_owned()).chain(crate::invocation::words());
     let mut command = crate::Cli::command();
@@ -174,7 +175,7 @@ fn settings() -> Result<String> {
     Ok(settings)
 }
 
-/// A digest of what the results depend on beside videos and first boxes: the configuration, its models, the program's version.
+/// Returns a digest of what the results depend on besides videos and first boxes: the configuration, its models and the program's version.
 fn configuration(args: &Args) -> Result<String> {
     let (mut config, folder, _) = args.configured()?;
     if args.many.detect.is_some() {
@@ -187,7 +188,7 @@ fn configuration(args: &Args) -> Result<String> {
     Ok(experiment::digest(&parts.iter().map(Vec::as_slice).collect::<Vec<_>>()))
 }
 
-/// The box beside a video that a run of it begins with, where it does; a run says what is wrong with it.
+/// Returns the box beside a video, if a run of it starts from that box; the run itself reports errors in it.
 fn first(args: &Args, source: &Path) -> Option<String> {
     let beside = args.init.is_empty() && !args.many.asked();
     let bbox = beside.then(|| first_box(source, None, &args.input).ok()).flatten()?;
@@ -232,14 +233,14 @@ impl Runs {
         let failed = self.runs.values().filter_map(|run| Some((&run.source, run.error.as_ref()?)));
         let lines: String = failed.map(|(source, error)| format!("{source}\t{}\n", error.replace('\n', " "))).collect();
         if lines.is_empty() {
-            // It may never have been there.
+            // The file may not exist.
             let _ = std::fs::remove_file(failures);
             return Ok(());
         }
         files::write_inside(failures, lines.as_bytes())
     }
 
-    /// A table with the worst first.
+    /// Returns the index page, with the worst videos first.
     fn page(&self, root: &Path) -> String {
         let mut order: Vec<(&String, &Run)> = self.runs.iter().collect();
         order.sort_by(|(_, a), (_, b)| b.badness().partial_cmp(&a.badness()).expect("finite numbers"));
@@ -274,7 +275,7 @@ impl Runs {
     }
 }
 
-/// A folder's name in an address.
+/// Encodes a folder's name for a URL.
 fn address(name: &str) -> String {
     let plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.~".contains(&b);
     name.bytes().map(|b| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") }).collect()

@@ -1,4 +1,4 @@
-//! The detections of many targets, by the program or from a file, frame by frame.
+//! The detections for many targets, frame by frame, from a detector or from a file.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,15 +19,15 @@ use super::source::{SourceArgs, is_endless};
 /// The source of the detections: one detector at most.
 pub(super) enum DetectionSource {
     Nothing,
-    /// The program's, which replaces the configuration's if there is one.
+    /// A detector run by the program, and the configuration's detector that it replaces, if any.
     Ours(DetectorConfig, Option<DetectorConfig>),
     File(PathBuf, Option<DetectorConfig>),
-    /// The configuration's: the tracker runs it.
+    /// The configuration's detector, which the tracker runs.
     Configured(DetectorConfig),
 }
 
 impl DetectionSource {
-    /// The detector or the file of the command line; else the configuration's detector.
+    /// Selects the detector or the file of the command line, otherwise the configuration's detector.
     pub(super) fn choose(args: &ManyArgs, config: &mut Config) -> Result<Self> {
         let chosen = match (args.detector()?, &args.detections) {
             (Some(kind), _) => Self::Ours(kind, config.detector.take()),
@@ -42,7 +42,7 @@ impl DetectionSource {
         }
     }
 
-    /// Whether it assumes that the camera stands still.
+    /// Returns whether the detector assumes a static camera.
     pub(super) fn needs_still_camera(&self) -> bool {
         let (Self::Ours(kind, _) | Self::Configured(kind)) = self else { return false };
         matches!(kind, DetectorConfig::Motion | DetectorConfig::Walkers)
@@ -68,13 +68,13 @@ impl std::fmt::Display for DetectionSource {
     }
 }
 
-/// Frames that the background is learned from, and how far into the video they lie.
+/// Number of frames for the initial background model, and how far into the video they may lie.
 const PICTURES: usize = 40;
 const AHEAD: usize = 400;
 
-/// Pictures from all over the beginning of a video, up to its first cut.
+/// Returns pictures from the beginning of a video, up to its first cut.
 fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
-    // What cannot be read twice begins without.
+    // A source that cannot be read twice starts without a background model.
     if is_endless(source) {
         return Ok(vec![]);
     }
@@ -83,7 +83,7 @@ fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
     let taken = |n: usize| n.saturating_sub(selection.from).div_ceil(selection.every.max(1));
     let every = frames.info().frames.map_or(AHEAD, |n| taken(n).min(AHEAD)).div_ceil(PICTURES).max(1);
     let (mut cuts, mut pictures) = (Cuts::default(), vec![]);
-    // Where the source breaks, tracking will say so when it comes there.
+    // If the source breaks off here, tracking reports the error when it reaches the frame.
     for (i, frame) in ahead(frames).take(AHEAD).map_while(Result::ok).enumerate() {
         if cuts.cut(&frame.image) {
             break;
@@ -95,19 +95,19 @@ fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
     Ok(pictures)
 }
 
-/// Whether no pixel of a box is in the picture.
+/// Returns whether a box lies entirely outside the picture.
 fn is_outside(b: &BBox, about: &SourceInfo) -> bool {
     b.x >= about.width as f64 || b.y >= about.height as f64 || b.x + b.w <= 0.0 || b.y + b.h <= 0.0
 }
 
-/// Says how many boxes of a file lie where nothing is tracked.
+/// Reports the number of boxes in a file that are outside the tracked frames or picture.
 fn note_unused(path: &Path, count: usize, place: std::fmt::Arguments<'_>) {
     if count > 0 {
         note!("foveate: {}: {count} of its boxes lie {place}: nothing is tracked there", path.display());
     }
 }
 
-/// The detections of a run, frame by frame: those of the program's detector, or of a file.
+/// The detections of a run, frame by frame: from the program's detector or from a file.
 #[derive(Default)]
 pub(super) struct Detections {
     parts: Option<DetectorParts>,
@@ -117,13 +117,13 @@ pub(super) struct Detections {
     file: Option<PathBuf>,
     /// The file of --save-detections, and its lines so far.
     kept: Option<(PathBuf, Tracks)>,
-    /// Watches the camera where the detector needs one that stands still, until it is found to move.
+    /// Checks for camera motion, if the detector needs a static camera, until motion is found.
     still: Option<StillCamera>,
     pub warnings: Warnings,
 }
 
 impl Detections {
-    /// If `needed`, there must be some: nothing else starts a track.
+    /// Fails if `needed` is true and there is no source of detections, because nothing else then starts a track.
     pub(super) fn of(
         (args, source): (&Args, &Path),
         about: &SourceInfo,
@@ -212,7 +212,7 @@ impl Detections {
     }
 }
 
-/// What is said where the camera moves before a detector that needs it to stand still.
+/// The warning about camera motion with a detector that needs a static camera.
 const MOVING: &str = "The camera moves: this detector finds what differs from a background that stands still, so boxes may be of \
                       nobody and targets may be missed. Give a detector's boxes with --detections, or take --detect flow.";
 
@@ -226,7 +226,7 @@ mod tests {
     struct Words {
         #[command(flatten)]
         input: SourceArgs,
-        /// An option of the input excludes it.
+        /// An input option that excludes loading a state.
         #[arg(long)]
         load_state: Option<PathBuf>,
     }

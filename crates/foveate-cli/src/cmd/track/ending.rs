@@ -1,4 +1,4 @@
-//! What a run prints at its end.
+//! The output of a run at its end.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -17,10 +17,10 @@ pub(super) struct Ending<'a> {
     pub out: &'a Path,
     pub seed: u64,
     pub json: bool,
-    /// The detector of many targets, and whether the program runs it: then its time is known. `None` of one target.
+    /// The detector of many targets, and whether the program runs it: its time is then known. `None` for one target.
     pub detector: Option<(String, bool)>,
     pub summary: &'a RunSummary,
-    /// The files, where they are now; none if nothing was tracked.
+    /// The output files at their final paths; empty if nothing was tracked.
     pub files: &'a [PathBuf],
     /// From the first frame to the last file.
     pub total: Duration,
@@ -29,7 +29,7 @@ pub(super) struct Ending<'a> {
     pub error: Option<String>,
 }
 
-/// The summary of one target as JSON, in this order. Boxes count from 0.
+/// The JSON summary of one target, in field order. Box coordinates count from 0.
 #[derive(Serialize)]
 struct One<'a> {
     source: Cow<'a, str>,
@@ -54,9 +54,9 @@ struct One<'a> {
 }
 
 impl Ending<'_> {
-    /// Prints it.
+    /// Prints the output.
     pub(super) fn tell(&self) {
-        // A name need not be Unicode.
+        // A file name need not be Unicode.
         let outputs: Vec<_> = self.files.iter().map(|file| file.to_string_lossy()).collect();
         let source = self.source.to_string_lossy();
         let source = without_password(&source);
@@ -80,7 +80,7 @@ impl Ending<'_> {
         }
     }
 
-    /// Time spent in trackers and detector, in the detector, and in all, seconds.
+    /// Returns the time spent in trackers and detector, in the detector, and in total, seconds.
     fn seconds(&self) -> [f64; 3] {
         [self.summary.spent, self.summary.detecting, self.total].map(|time| time.as_secs_f64())
     }

@@ -1,4 +1,4 @@
-//! Where the target is: boxes as they are given, checked against the video before anything is tracked.
+//! The target's first box: reads it and checks it against the video before tracking starts.
 
 use std::path::{Path, PathBuf};
 
@@ -11,12 +11,12 @@ use foveate::{Error, Result};
 
 use super::source::{SourceArgs, is_endless};
 
-/// Where the first box comes from.
+/// The source of the first box.
 #[derive(Clone, Copy)]
 pub(crate) enum Init {
-    /// These numbers.
+    /// The given box.
     Given(BBox),
-    /// What moved, in a box of its own size or of a given one.
+    /// The moving object, in its own bounding box or in one of a given size.
     Motion(Option<(f64, f64)>),
 }
 
@@ -31,7 +31,7 @@ pub(crate) fn parse_init(text: &str) -> std::result::Result<Init, String> {
     }
 }
 
-/// `x,y,w,h` counted from 1, to a box counted from 0.
+/// Parses `x,y,w,h` counted from 1 into a box counted from 0.
 fn parse_box(text: &str) -> std::result::Result<BBox, String> {
     let numbers: Vec<f64> = text
         .split(',')
@@ -50,13 +50,13 @@ pub(crate) fn parse_again(text: &str) -> std::result::Result<(usize, BBox), Stri
     Ok((frame.ok_or_else(|| format!("expected a frame number from 2 on, got \"{text}\""))?, parse_box(bbox)?))
 }
 
-/// The file beside a source that has its first box: groundtruth_rect.txt in a folder, VIDEO.txt beside VIDEO.mp4.
+/// Returns the file beside a source that holds its first box: groundtruth_rect.txt in a folder, VIDEO.txt beside VIDEO.mp4.
 pub(crate) fn truth_file(source: &Path) -> Option<PathBuf> {
     let truth = if source.is_file() { source.with_extension("txt") } else { source.join("groundtruth_rect.txt") };
     (truth.is_file() && truth != source).then_some(truth)
 }
 
-/// The given box, what moves, or the first line of groundtruth_rect.txt, or of VIDEO.txt beside VIDEO.mp4.
+/// Returns the given box, that of the moving object, or the first line of groundtruth_rect.txt or of VIDEO.txt beside VIDEO.mp4.
 pub(crate) fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Result<BBox> {
     match init {
         Some(Init::Given(bbox)) => return Ok(bbox),
@@ -78,7 +78,7 @@ pub(crate) fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -
     Ok(input.scaled(&bbox))
 }
 
-/// The box of what moves between the first two frames.
+/// Returns the box of the object that moves between the first two frames.
 fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result<BBox> {
     if TileFolder::is_at(source) {
         let source = source.display();
@@ -104,24 +104,25 @@ fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result
     })
 }
 
-/// The truth, where the source has one, for the report to compare with; it never reaches the tracker.
+/// Returns the ground truth, if the source has one, for comparison in the report; the tracker never uses it.
 pub(crate) fn known_truth(source: &Path) -> Vec<Option<BBox>> {
     annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default()
 }
 
-/// Which frames are tracked, counted from 0; refuses those that the video has not, as far as their number is known.
+/// The range of tracked frames, counted from 0. Refuses frames that the video does not have, if its length is known.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frames {
-    /// The first.
+    /// The first frame.
     pub from: usize,
-    /// The last; larger than any, where it goes on to the end.
+    /// The last frame; a very large number if the run continues to the end.
     pub until: usize,
-    /// How many the video has, where that is known for sure.
+    /// The exact number of frames of the video, if known.
     count: Option<usize>,
 }
 
 impl Frames {
-    /// From a frame (from 0) until one (from 1); `start` says why from there, as in "the saved state goes on".
+    /// Creates the range from frame `from` (counted from 0) until frame `until` (counted from 1). `start` gives the reason for the first
+    /// frame in errors, as in "the saved state goes on".
     pub(crate) fn new(from: usize, start: &str, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
         let until = until.map_or(usize::MAX, |until| usize::try_from(until).unwrap_or(usize::MAX) - 1);
         let count = info.exact_frames();
@@ -149,13 +150,13 @@ impl Frames {
         Ok(Self { from, until, count })
     }
 
-    /// How many there are, or about how many; `None` where nobody knows.
+    /// Returns the exact or estimated number of frames; `None` if it is unknown.
     pub(crate) fn total(&self, info: &SourceInfo) -> Option<usize> {
         let end = self.until.saturating_add(1);
         info.frames.map(|n| n.min(end)).or((end < usize::MAX).then_some(end)).map(|end| end.saturating_sub(self.from))
     }
 
-    /// Refuses a frame (from 0) that is not tracked in; `what` says what it is for.
+    /// Refuses a frame (counted from 0) that is not tracked; `what` describes its purpose in the error.
     pub(crate) fn check(&self, what: &str, frame: usize) -> Result<()> {
         let last = self.count.map_or(self.until, |n| self.until.min(n - 1));
         if (self.from..=last).contains(&frame) {
@@ -167,7 +168,7 @@ impl Frames {
     }
 }
 
-/// Boxes given again, counted from 0; each touches the picture, and has a frame of its own that is tracked.
+/// Checks the boxes of later restarts, counted from 0: each must touch the picture, and have its own tracked frame.
 pub(crate) fn check_again(again: &[(usize, BBox)], frames: Frames, info: &SourceInfo) -> Result<Vec<Given>> {
     let mut from_0: Vec<Given> = vec![];
     for (frame, bbox) in again {

@@ -13,28 +13,28 @@ use super::source::named;
 /// Arguments that ask for many targets.
 #[derive(clap::Args)]
 pub(super) struct ManyArgs {
-    /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
-    /// targets come back. Without KIND, motion (the camera must stand still); onnx:MODEL is a network in an ONNX file, such as YOLO's.
-    /// It takes the place of the configuration's detector
+    /// Follow all objects that a detector finds, without a given box: tracks are started, terminated, and re-identified when their targets
+    /// return. Default KIND: motion (the camera must stand still); onnx:MODEL runs a network from an ONNX file, such as YOLO's. Replaces
+    /// the configuration's detector
     #[arg(long, value_parser = Detectors, value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
     pub detect: Option<DetectorConfig>,
-    /// Follow what another detector found: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are not read).
-    /// They take the place of the configuration's detector
+    /// Follow the detections of another detector: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are ignored).
+    /// Replaces the configuration's detector
     #[arg(long, value_name = "FILE")]
     pub detections: Option<PathBuf>,
-    /// Least confidence at which a line of --detections counts, 0 if left out, or a box of --detect onnx:MODEL, 0.25 if left out
+    /// Minimum confidence of a line of --detections (default: 0) or a box of --detect onnx:MODEL (default: 0.25)
     #[arg(long, value_name = "CONF", allow_hyphen_values = true, value_parser = parse_confidence)]
     pub least: Option<f64>,
-    /// Classes of --detect onnx:MODEL that count, by their numbers from 0; all if left out
+    /// Classes of --detect onnx:MODEL to use, by number from 0; default: all
     #[arg(long, value_name = "N,N", value_delimiter = ',')]
     pub classes: Vec<usize>,
-    /// How the output of --detect onnx:MODEL is laid out; by its sides if left out
+    /// Output layout of --detect onnx:MODEL; default: inferred from its dimensions
     #[arg(long, value_name = "NAME", value_parser = named(LAYOUTS))]
     pub layout: Option<Layout>,
-    /// First boxes of many targets: frame,id,x,y,w,h a line, counted from 1, as in MOTChallenge's text
+    /// First boxes of many targets: one line frame,id,x,y,w,h each, counted from 1, as in MOTChallenge's text
     #[arg(long, value_name = "FILE")]
     pub inits: Option<PathBuf>,
-    /// Write what the detector found, in MOTChallenge's text, for --detections or other trackers
+    /// Write the detections in MOTChallenge's text, for --detections or other trackers
     #[arg(long, value_name = "FILE")]
     pub save_detections: Option<PathBuf>,
 }
@@ -44,11 +44,11 @@ fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
     number.ok_or_else(|| format!("expected a number such as 0.5, got \"{text}\""))
 }
 
-/// Layouts by name.
+/// The layouts by name.
 const LAYOUTS: [(&str, Layout); 4] =
     [("auto", Layout::Auto), ("yolov8", Layout::Yolov8), ("yolov5", Layout::Yolov5), ("end-to-end", Layout::EndToEnd)];
 
-/// Detectors by name, or `onnx:` and a file.
+/// Parses a detector: its name, or `onnx:` and a file.
 #[derive(Clone)]
 struct Detectors;
 
@@ -74,7 +74,7 @@ impl TypedValueParser for Detectors {
         }
         let name = PossibleValuesParser::new(Self::names()).parse_ref(command, argument, value)?;
         let known = DetectorConfig::ALL.into_iter().find(|(known, _)| *known == name);
-        // Who writes `onnx:MODEL` means a file of that name.
+        // `onnx:MODEL` always means a file of that name.
         Ok(known.map_or_else(|| DetectorConfig::Onnx(Settings::of("MODEL")), |(_, config)| config))
     }
 
@@ -84,7 +84,7 @@ impl TypedValueParser for Detectors {
 }
 
 impl ManyArgs {
-    /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
+    /// Returns the shipped configuration for motion detection, other detections, or first boxes alone.
     pub(super) fn config(&self) -> &'static str {
         match self.detect {
             Some(DetectorConfig::Motion | DetectorConfig::Walkers | DetectorConfig::Flow) => "multi-motion",
@@ -93,10 +93,10 @@ impl ManyArgs {
         }
     }
 
-    /// The program's detector, with what is said of it beside its name.
+    /// Returns the program's detector with its options.
     ///
     /// # Errors
-    /// Where something is said that this one, or a file of detections, does not have.
+    /// An option does not apply to this detector, or to a file of detections.
     pub(super) fn detector(&self) -> Result<Option<DetectorConfig>> {
         let network = matches!(self.detect, Some(DetectorConfig::Onnx(_)));
         for (given, name, applies, of) in [
@@ -122,9 +122,9 @@ impl ManyArgs {
         Ok(detector)
     }
 
-    /// Whether many targets are asked for, apart from several --init.
+    /// Returns whether the arguments ask for many targets, apart from several --init.
     pub(super) fn asked(&self) -> bool {
-        // What belongs to a detector is refused there where there is none.
+        // Detector options are refused later if there is no detector.
         let told = self.least.is_some() || !self.classes.is_empty() || self.layout.is_some();
         let files = self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some();
         self.detect.is_some() || files || told

@@ -1,4 +1,4 @@
-//! The files that a run writes.
+//! The output files of a run.
 
 use std::path::Path;
 
@@ -13,26 +13,26 @@ use foveate::report::{
 use foveate::sink::Sink;
 use foveate::video::{SourceInfo, without_password};
 
-/// The files of a run: boxes.txt and track.csv of one target, tracks.txt, tracks.csv and targets.csv of many, and these.
+/// The files of a run besides boxes.txt and track.csv (one target), or tracks.txt, tracks.csv and targets.csv (many targets).
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Outputs {
-    /// Of many targets.
+    /// Whether there are many targets.
     pub many: bool,
     pub video: bool,
     pub report: bool,
-    /// surface.png; only if the gaze policy has something to show.
+    /// surface.png, which is written only if the gaze policy has a surface.
     pub surface: bool,
     pub trace: bool,
     pub regret: bool,
-    /// Of a run without an end: tables grow in place; report, trace and regret have its first frames.
+    /// Whether the source is endless: tables then grow in place, and report, trace and regret hold only the first frames.
     pub endless: bool,
 }
 
-/// The frames of a run without an end that report, trace and regret have.
+/// Number of frames in the report, trace and regret of an endless run.
 const FIRST: usize = 10_000;
 
 impl Outputs {
-    /// The names of the files.
+    /// Returns the names of the files.
     pub(crate) fn names(self) -> Vec<&'static str> {
         let all: [(bool, &[&str]); 7] = [
             (!self.many, &["boxes.txt", "track.csv"]),
@@ -46,7 +46,7 @@ impl Outputs {
         all.into_iter().filter(|(asked, _)| *asked).flat_map(|(_, files)| files).copied().collect()
     }
 
-    /// The observers that write these files into a folder. If one fails in mid-run, its files are listed in `failed`.
+    /// Returns the observers that write these files into a folder. If one fails during the run, its files are listed in `failed`.
     pub(crate) fn observers(
         self,
         folder: &Path,
@@ -54,7 +54,7 @@ impl Outputs {
         failed: &FailedOutputs,
     ) -> Result<Vec<Box<dyn Observer>>> {
         let at = |name: &str| folder.join(name);
-        // A file of lines has its name when it is whole, or at once in a run without an end.
+        // A file of lines gets its final name when it is complete, or immediately in an endless run.
         let sink = |name: &str| if self.endless { Sink::grow(at(name)) } else { Sink::create(at(name)) };
         let most = if self.endless { FIRST } else { usize::MAX };
         let all = |files, observer: Box<dyn Observer>| failed.tolerate(files, observer, usize::MAX);
@@ -98,7 +98,7 @@ impl Outputs {
     }
 }
 
-/// The data of a run that are known before it begins.
+/// Returns the data of a run that are known before it begins.
 pub(crate) fn run_info(
     source: &str,
     info: &SourceInfo,
@@ -114,7 +114,7 @@ pub(crate) fn run_info(
     }
 }
 
-/// Bits a second of a video file, its sound included.
+/// Returns the bit rate of a video file including its sound, bits per second.
 pub(crate) fn bit_rate(source: &Path, info: &SourceInfo) -> Option<f64> {
     let file = std::fs::metadata(source).ok().filter(std::fs::Metadata::is_file)?;
     let frames = info.frames.filter(|n| *n > 1)?;

@@ -1,4 +1,4 @@
-//! The checked arguments of a run: everything that can be refused is refused before anything is tracked or written.
+//! The checked arguments of a run: every error in them is reported before anything is tracked or written.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ use crate::cmd::of_file;
 use crate::cmd::results::{Results, spare, writable};
 use crate::terminal;
 
-/// A run that may begin.
+/// A checked run.
 pub(super) struct Plan<'a> {
     pub opened: Opened,
     pub subject: Subject,
@@ -45,7 +45,7 @@ pub(super) struct Job<'a> {
     pub seed: u64,
     pub about: SourceInfo,
     pub frames: Frames,
-    /// The first box of one target; `None` if a saved tracker goes on.
+    /// The first box of one target; `None` if a saved tracker resumes.
     pub init: Option<BBox>,
     pub given: Vec<Given>,
     pub info: RunInfo,
@@ -60,7 +60,7 @@ impl<'a> Plan<'a> {
     /// Checks the arguments, reads the files that they name, and opens the source.
     pub(super) fn new(args: &'a Args, source: &'a Path, out: &'a Path) -> Result<Self> {
         let (mut config, folder, name) = args.configured()?;
-        // A configuration of many targets with a detector of its own needs nothing else to begin with.
+        // A configuration of many targets with its own detector needs no first box.
         let begins = config.multi_target.is_some() && config.detector.is_some();
         let many = args.asks_for_many() || (begins && args.init.is_empty() && args.load_state.is_none());
         let mut detector = None;
@@ -133,12 +133,12 @@ impl<'a> Plan<'a> {
 }
 
 impl Subject {
-    /// Whether the gaze policy of one target has something to show.
+    /// Returns whether the gaze policy of one target has a surface.
     fn has_surface(&self) -> bool {
         matches!(self, Self::One(tracker) if SurfacePicture::shows(tracker.parts().gaze.policy().snapshot()))
     }
 
-    /// The tracker, and the detections of many targets.
+    /// Returns the tracker, and the detections of many targets.
     pub(super) fn parts(&mut self) -> (AnyTracker<'_>, Option<&mut Detections>) {
         match self {
             Self::One(tracker) => (AnyTracker::One(tracker), None),
@@ -148,8 +148,8 @@ impl Subject {
 }
 
 impl Job<'_> {
-    /// Refuses a file to be written at the end if its folder is not there (that of the results will be), or if it would replace a file that
-    /// is read or a result.
+    /// Refuses an output file whose folder is missing (the results folder will be created), or that would replace an input file or a
+    /// result.
     fn check_written(&self, path: Option<&Path>) -> Result<()> {
         let Some(path) = path else { return Ok(()) };
         let (folder, out) = (files::folder_of(path), self.out);
@@ -167,7 +167,7 @@ impl Job<'_> {
         spare(path, &self.inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     }
 
-    /// Begins the results. From here on, lines of --stream have standard output for themselves.
+    /// Begins the results. From here on, standard output is reserved for the lines of --stream.
     pub(super) fn begin_results(&self) -> Result<Results> {
         if self.stream.is_some_and(StreamTo::takes_output) {
             terminal::give_output();
@@ -177,7 +177,7 @@ impl Job<'_> {
         begin(self.out, &self.outputs.names(), &inputs.collect::<Vec<_>>())
     }
 
-    /// Writes the files beside the results: the state of one target for --load-state, the detections of many.
+    /// Writes the files beside the results: the state of one target for --load-state, or the detections of many.
     pub(super) fn save(&self, subject: &Subject, next_frame: usize) -> Result<()> {
         match (subject, self.save_state) {
             (Subject::Many(_, detections, _), _) => detections.save(),
@@ -190,8 +190,8 @@ impl Job<'_> {
     }
 }
 
-/// The frames of a run with one target, its first box, and the boxes that start it again. The tracker takes up the saved state, if there is
-/// one; then there is no first box.
+/// Returns the frames of a run with one target, its first box, and the boxes of restarts. If there is a saved state, restores it in the
+/// tracker and returns no first box.
 fn begin(
     (args, source): (&Args, &Path),
     (blueprint, seed): (&Blueprint, u64),
@@ -228,7 +228,7 @@ fn begin(
     Ok((frames, init, again))
 }
 
-/// Refuses pictures in tiles for many targets, and for a configuration that reads whole pictures.
+/// Refuses tiled pictures for many targets, and for a configuration that reads whole pictures.
 fn check_reads_tiles(blueprint: &Blueprint, source: &Path, config_name: &str, many: bool) -> Result<()> {
     let source = source.display();
     if many {
@@ -262,7 +262,7 @@ fn refuse(args: &Args, source: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The boxes of many targets given by hand: those of --init in frame 1, and those of --inits. All touch the picture.
+/// Returns the given boxes of many targets: those of --init in frame 1, and those of --inits. All must touch the picture.
 fn given(args: &Args, source: &Path, about: &SourceInfo) -> Result<Vec<Given>> {
     let mut given = vec![];
     for (i, init) in args.init.iter().enumerate() {
@@ -297,7 +297,7 @@ fn given(args: &Args, source: &Path, about: &SourceInfo) -> Result<Vec<Given>> {
     Ok(given)
 }
 
-/// Fails if so many first boxes take more memory than allowed.
+/// Fails if so many first boxes need more memory than allowed.
 fn check_memory(many: &MultiTracker, given: &[Given], about: &SourceInfo) -> Result<()> {
     if given.is_empty() {
         return Ok(());

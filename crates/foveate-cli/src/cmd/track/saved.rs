@@ -1,4 +1,4 @@
-//! What `--save-state` keeps, and `--load-state` takes up.
+//! The saved state of `--save-state` and `--load-state`.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use foveate::config::{Blueprint, Config};
 use foveate::video::SourceInfo;
 use foveate::{Error, Result, files};
 
-/// A tracker in mid-video, as a file, and what it was made of.
+/// The state of a tracker, and the configuration it was created from.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct SavedState {
     pub next_frame: usize,
@@ -15,13 +15,13 @@ pub(super) struct SavedState {
     /// The name of the video, without its folder.
     #[serde(default)]
     pub source: String,
-    /// Width and height of the pictures it was tracked in.
+    /// Width and height of the tracked pictures.
     #[serde(default)]
     pub size: Option<[usize; 2]>,
     pub tracker: serde_json::Value,
 }
 
-/// The last part of a path or an address.
+/// Returns the last component of a path or an address.
 pub(super) fn video_name(source: &Path) -> String {
     let whole = std::fs::canonicalize(source);
     whole.as_deref().unwrap_or(source).file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
@@ -43,7 +43,7 @@ impl SavedState {
         files::write(path, text.as_bytes())
     }
 
-    /// Refuses pictures of another size than those it was tracked in.
+    /// Refuses pictures of another size than the tracked ones.
     pub(super) fn check_size(&self, path: &Path, about: &SourceInfo) -> Result<()> {
         let now = [about.width, about.height];
         match self.size.filter(|then| *then != now) {
@@ -58,7 +58,7 @@ impl SavedState {
         }
     }
 
-    /// Fails where it was saved with another configuration or seed.
+    /// Reads a state. Fails if it was saved with another configuration or seed.
     pub(super) fn read(path: &Path, blueprint: &Blueprint, seed: u64) -> Result<Self> {
         let text = files::read_text(path, files::TEXT)?;
         let saved: Self = serde_json::from_str(&text)
@@ -69,7 +69,7 @@ impl SavedState {
             return Err(Error::malformed(path, problem));
         }
         let ours = blueprint.config().to_toml();
-        // A setting that is new since then has the value that is usual.
+        // A setting that was added since then has its default value.
         let same = Config::parse(&saved.config, "").is_ok_and(|config| config.to_toml() == ours);
         if !same {
             let differs =

@@ -1,4 +1,4 @@
-//! Where frames come from, as the command line says it: a file, a pipe, a stream, a camera; which frames, and how large.
+//! The frame source of the command line: a file, a pipe, a stream or a camera; the selected frames and their scale.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,41 +18,40 @@ use crate::terminal;
 
 #[derive(clap::Args)]
 pub(crate) struct SourceArgs {
-    /// What decodes a video file: auto takes the program ffmpeg where it is installed and faster. The boxes do not depend on it
+    /// Video decoder; auto uses ffmpeg if it is installed and faster. The boxes do not depend on it
     #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
     decoder: Decoder,
-    /// The source is bare pixels of this size, frame after frame; see --pix
+    /// Read raw pixels of this size, frame after frame; see --pix
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     raw: Option<(usize, usize)>,
-    /// What the bytes of a bare pixel are; rgb24 if left out
+    /// Pixel format of raw pixels; default: rgb24
     #[arg(long, value_name = "rgb24|bgr24|gray", requires = "raw", value_parser = named(Pixels::ALL))]
     pix: Option<Pixels>,
-    /// Begin at this frame of a file (counted from 1): --init is its box
+    /// Start at this frame of a file, counted from 1; --init is the box in it
     #[arg(long, value_name = "FRAME", value_parser = clap::value_parser!(u64).range(1..), conflicts_with = "load_state")]
     from: Option<u64>,
-    /// Track in one frame of so many, from the first one on. Frames keep their numbers
+    /// Track only every N-th frame, starting with the first. Frames keep their numbers
     #[arg(long, value_name = "N", default_value_t = 1, hide_default_value = true, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Make the pictures smaller by this factor, above 0 and at most 1. All boxes, given and written, are in pixels of the smaller
-    /// pictures
+    /// Reduce the pictures by this factor, above 0 and at most 1. All input and output boxes are in pixels of the reduced pictures
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, hide_default_value = true, value_parser = parse_scale)]
     scale: f64,
     /// Drop no frame of a stream or camera: the source waits for the tracker
     #[arg(long)]
     every_frame: bool,
-    /// Drop frames that waited longer than this for the tracker, in milliseconds since they were read whole; for pipes, which drop
-    /// none without it, it also takes the newest frame only
+    /// Drop frames that waited for the tracker longer than this, in milliseconds since they were read. A pipe, which otherwise drops no
+    /// frame, then also yields only its newest frame
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..))]
     max_latency: Option<u64>,
-    /// Wait at the address for a sender (rtsp and http), in the place of asking one there
+    /// Wait at the address for a sender (rtsp and http) instead of connecting to it
     #[arg(long)]
     listen: bool,
-    /// How long to try to open a stream again that broke off, in seconds, 60 if left out; 0 does not try
+    /// Time limit for reopening an interrupted stream, in seconds, 60 by default; 0 disables reopening
     #[arg(long, value_name = "SECONDS")]
     reconnect: Option<u64>,
 }
 
-/// A value by its name.
+/// Returns a value by its name.
 pub(crate) fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     all: [(&'static str, T); N],
 ) -> impl TypedValueParser<Value = T> {
@@ -72,32 +71,32 @@ fn parse_scale(text: &str) -> std::result::Result<f64, String> {
     factor.ok_or_else(|| format!("expected a factor above 0 and at most 1, such as 0.5, got \"{text}\""))
 }
 
-/// Whether a source has no end that is known: a stream, a camera, standard input, a fifo.
+/// Returns whether a source has no known end: a stream, a camera, standard input or a fifo.
 pub(crate) fn is_endless(source: &Path) -> bool {
     let piped = std::fs::metadata(source).is_ok_and(|about| !about.is_file() && !about.is_dir());
     is_live(source) || source == Path::new("-") || piped
 }
 
-/// A source that was opened, and not read yet.
+/// An opened source that has not been read yet.
 pub(crate) struct Opened {
     pub source: Box<dyn FrameSource>,
-    /// Whether its end is not known.
+    /// Whether its end is unknown.
     pub endless: bool,
-    /// Where the pictures are in tiles: then the source has their numbers only.
+    /// The tile folder, if the pictures are in tiles; the source then yields only their numbers.
     pub tiles: Option<TileFolder>,
     pace: Pace,
     reconnected: Option<Arc<AtomicU64>>,
 }
 
-/// A source that is read, and what is counted meanwhile.
+/// A source in use, and its counters.
 pub(crate) struct Started {
     pub source: Box<dyn FrameSource>,
     pub counts: SourceCounts,
 }
 
-/// Frames dropped, and how often a stream was opened again, while the source is read.
+/// The numbers of dropped frames and of reconnections, updated while the source is read.
 pub(crate) struct SourceCounts {
-    /// Of sources that drop frames, or could.
+    /// The meter of a source that can drop frames.
     pub meter: Option<Meter>,
     reconnected: Option<Arc<AtomicU64>>,
 }
@@ -108,7 +107,7 @@ impl SourceArgs {
         Selection { from, every: self.every as usize, scale: self.scale }
     }
 
-    /// A box of the video, in the pictures as they are tracked in.
+    /// Converts a box of the video to the pixels of the scaled pictures.
     pub(crate) fn scaled(&self, b: &BBox) -> BBox {
         let s = self.scale;
         BBox { x: s * b.x, y: s * b.y, w: s * b.w, h: s * b.h }
@@ -152,7 +151,7 @@ impl SourceArgs {
             let reconnect = self.reconnect.map_or(usual.reconnect, Duration::from_secs);
             let options = LiveOptions { listen: self.listen, reconnect, notify: note_line, ..usual };
             let source = Live::open(path, options)?;
-            // It waits for the tracker, but where somebody wants new frames alone.
+            // The source waits for the tracker unless only new frames are wanted.
             endless = !source.is_finite() || max_latency.is_some();
             let reconnected = source.reconnections();
             (Box::new(source), Some(reconnected))
@@ -160,7 +159,7 @@ impl SourceArgs {
             (open_with(path, &self.options())?, None)
         };
         let pace = Pace { every_frame: self.every_frame || (!live && max_latency.is_none()), max_latency };
-        // Tiles come in their scale.
+        // Tiles are already scaled.
         let scale = if tiles.is_some() { 1.0 } else { self.scale };
         let source = select(source, Selection { scale, ..self.selection() });
         self.check_from(source.info())?;
@@ -178,7 +177,7 @@ impl SourceArgs {
 }
 
 impl Opened {
-    /// Reads ahead, or the newest frame, until the program is to stop.
+    /// Starts reading ahead, or reading the newest frame, until the program is stopped.
     pub(crate) fn start(self) -> Started {
         if let Some(shape) = self.source.remarks().shape() {
             note!("foveate: {shape}");
@@ -194,7 +193,7 @@ impl Opened {
 }
 
 impl SourceCounts {
-    /// Says what is to be said of them at the end.
+    /// Prints the counts at the end of the run.
     pub(crate) fn note(&self) {
         let dropped = self.meter.as_ref().map_or(0, Meter::dropped);
         let again = self.reconnected.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
@@ -210,12 +209,12 @@ impl SourceCounts {
     }
 }
 
-/// What a source has to say at once.
+/// Prints a message of the source immediately.
 fn note_line(text: &str) {
     note!("foveate: {text}");
 }
 
-/// Where lines go as frames are tracked.
+/// The destination of lines that are written while frames are tracked.
 #[derive(Clone, Debug)]
 pub(crate) enum StreamTo {
     Json,
@@ -233,7 +232,7 @@ pub(crate) fn parse_stream(text: &str) -> std::result::Result<StreamTo, String> 
 }
 
 impl StreamTo {
-    /// The observer that writes the lines. Standard output is then theirs alone.
+    /// Returns the observer that writes the lines. Standard output is then reserved for them.
     pub(crate) fn observer(&self, meter: Option<Meter>, remarks: Remarks) -> Result<foveate::report::Stream> {
         use foveate::report::{Stream, stream::Format};
         match self {
@@ -243,7 +242,7 @@ impl StreamTo {
         }
     }
 
-    /// Whether it takes standard output.
+    /// Returns whether the lines go to standard output.
     pub(crate) fn takes_output(&self) -> bool {
         !matches!(self, Self::Udp(_))
     }

@@ -1,4 +1,4 @@
-//! Fault-tolerant outputs: if a file cannot be written (a full disk, a film too large for its format), that file alone is missing, and the
+//! Fault-tolerant outputs: if a file cannot be written (a full disk, a film too large for its format), only that file is missing, and the
 //! run goes on.
 
 use std::cell::RefCell;
@@ -18,7 +18,7 @@ impl FailedOutputs {
         self.0.borrow().iter().map(|(name, _)| *name).collect()
     }
 
-    /// Fails if there are some, naming them.
+    /// Fails with the names of the files, if there are any.
     pub(crate) fn check(&self) -> Result<()> {
         match &self.0.borrow()[..] {
             [] => Ok(()),
@@ -29,7 +29,7 @@ impl FailedOutputs {
         }
     }
 
-    /// The observer that writes `files`, of the first frames of a run and fault-tolerant: its first failure ends this observer alone.
+    /// Returns a fault-tolerant observer that writes `files` for the first frames of a run: its first failure ends only this observer.
     pub(crate) fn tolerate(
         &self,
         files: &'static [&'static str],
@@ -44,7 +44,7 @@ impl FailedOutputs {
 struct Tolerant<O> {
     observer: Option<O>,
     files: &'static [&'static str],
-    /// The frames that it still gets.
+    /// Number of frames that the observer still receives.
     frames: usize,
     failed: FailedOutputs,
 }

@@ -1,4 +1,4 @@
-//! `foveate train classifier`: a recogniser of the user's own classes, from a folder of pictures for each.
+//! Implements `foveate train classifier`: a recogniser of the user's own classes, from one folder of pictures per class.
 
 use std::path::PathBuf;
 
@@ -15,48 +15,46 @@ use foveate::rows::Rows;
 use super::common::{self, Files};
 use crate::cmd::configure::{self, Changes};
 
-/// Times that held-out pictures are shown otherwise, to see what a track would make of them.
+/// Number of variants of each held-out picture, to estimate the accuracy along a track.
 const SHOWN: u64 = 4;
-/// Classes of the largest table of decisions that is printed.
+/// Maximum number of classes in a printed confusion matrix.
 const MOST: usize = 20;
 
-/// Learn a recogniser of your own classes: DIR has a folder of pictures for each, whose name is the class.
+/// Train a recogniser of your own classes: DIR has one folder of pictures per class, named after the class.
 ///
-/// Pictures are JPEG or PNG of any size, cut to the thing they show; colours become grey, unless the retina of --config reads
-/// colour. The last fifth of each folder, by name, is held out to judge the recogniser by. `foveate track VIDEO --recognise FILE`
-/// uses it. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and ends
-/// with the same bits.
+/// Pictures are JPEG or PNG of any size, cropped to the object. Colours become grey, unless the retina of --config reads colour. The last
+/// fifth of each folder, by name, is held out for evaluation. `foveate track VIDEO --recognise FILE` uses the model. Progress is kept in
+/// FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives the same result bit for bit.
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Folder with a folder of pictures for each class.
+    /// Folder with one folder of pictures per class.
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// The model file to write.
+    /// Output model file.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Take retina and first layer from this configuration, a file or the name of one that ships with the program; unless
-    /// given, k-means filters on 14 x 14 cells.
+    /// Take retina and first layer from this configuration: a file or the name of a shipped one. Default: k-means filters on 14 x 14 cells.
     #[arg(long, value_name = "FILE|NAME")]
     config: Option<String>,
-    /// Times that every picture is shown.
+    /// Passes over the pictures.
     #[arg(long, default_value_t = 100)]
     epochs: usize,
-    /// Pictures of a mini-batch.
+    /// Size of a mini-batch.
     #[arg(long, default_value_t = 32)]
     batch: usize,
-    /// Step size.
+    /// Learning rate.
     #[arg(long, default_value_t = 0.002)]
     rate: f32,
-    /// Weight decay, with every step.
+    /// Weight decay per step.
     #[arg(long, default_value_t = 0.002)]
     decay: f32,
-    /// Show pictures as they are, not shifted, scaled, turned and in another light as along tracks.
+    /// Train on pictures as they are, without the shifts, scales, rotations and lighting changes that occur along tracks.
     #[arg(long)]
     still: bool,
-    /// Seed of all random numbers: the same seed gives the same model.
+    /// Random seed; the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Begin anew, even if there is a checkpoint.
+    /// Start from the beginning, even if there is a checkpoint.
     #[arg(long)]
     restart: bool,
 }
@@ -72,7 +70,7 @@ impl Args {
             ..Recipe::new(classes)
         }
     }
-    /// The configuration of retina and first layer, and where its files are.
+    /// Returns the configuration of retina and first layer, and the folder of its files.
     fn layer(&self) -> Result<(Config, Folder)> {
         if let Some(name) = &self.config {
             return configure::read(name, &Changes::default());
@@ -83,7 +81,7 @@ impl Args {
         config.retina = Some(RetinaConfig::Foveal(FovealConfig { side: 28.0, rings, colour: vec![] }));
         Ok((config, folder))
     }
-    /// The command that makes the same model: every setting said, folders left open.
+    /// Returns the command that makes the same model, with every setting explicit and folders left open.
     fn command(&self) -> String {
         let config = self.config.as_ref().map_or(String::new(), |name| format!(" --config {name}"));
         let still = if self.still { " --still" } else { "" };
@@ -124,7 +122,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         || Trainer::new(recipe.clone(), rows),
     )?;
     let as_they_are = look(&extractor, Variation::default(), &held, 1);
-    // The trainer, and the pictures as this epoch shows them.
+    // The trainer, and the pictures with this epoch's variations.
     let batches = trainer.batches(learn.len());
     let mut learning = (trainer, 0, first);
     common::train(
@@ -171,7 +169,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Features of pictures shown so, `times` over, as no epoch of the training shows them.
+/// Returns the features of pictures with `times` variations each, which differ from those of all training epochs.
 fn look(extractor: &FeatureExtractor, variation: Variation, pictures: &Pictures, times: u64) -> Vec<f32> {
     let other = FeatureExtractor {
         retina: extractor.retina.clone(),
@@ -182,7 +180,7 @@ fn look(extractor: &FeatureExtractor, variation: Variation, pictures: &Pictures,
     (0..times).flat_map(|time| other.look(pictures, time)).collect()
 }
 
-/// Prints how well held-out pictures are told apart.
+/// Prints the accuracy on held-out pictures.
 fn print(what: &str, names: &[String], held: &Held) {
     let r = &held.reliability;
     say!(

@@ -1,4 +1,4 @@
-//! What all trainings share: where glimpses come from, where files go, and going on after an interruption.
+//! Shared parts of the training commands: glimpses, files, and resuming after an interruption.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -15,19 +15,19 @@ use foveate::{Error, Result};
 use crate::cmd::results::writable;
 use crate::terminal;
 
-/// A checkpoint is written after every epoch, and within one when this has passed.
+/// Interval between checkpoints within an epoch; a checkpoint is also written after every epoch.
 const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
 
-/// Rows that are monitored after every epoch, of those learned from and of those held out.
+/// Number of training rows and of held-out rows that are monitored after every epoch.
 const MONITORED: usize = 500;
 
-/// Glimpses of natural photographs, and what is made of them.
+/// Arguments for a model of glimpses of natural photographs.
 #[derive(clap::Args)]
 pub struct Natural {
     /// Folder of photographs, JPEG or PNG (or with a folder `natural` of them).
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
-    /// The model file to write.
+    /// Output model file.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Take the retina from the table `retina` of this configuration.
@@ -42,48 +42,48 @@ pub struct Natural {
     /// Windows that read the colour opponent channels, WINDOW/CELL.
     #[arg(long, value_delimiter = ',', value_parser = super::ring)]
     pub colour: Vec<[usize; 2]>,
-    /// Glimpses to learn from.
+    /// Number of training glimpses.
     #[arg(long, default_value_t = 100_000)]
     pub glimpses: usize,
-    /// Glimpses of pictures never learned from, to monitor with.
+    /// Number of glimpses of held-out pictures, for monitoring.
     #[arg(long, default_value_t = 2000)]
     pub held_out: usize,
-    /// Seed of all random numbers: the same seed gives the same model.
+    /// Random seed; the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Picture of the filters: the model's name with .png, unless given.
+    /// Output picture of the filters; default: the model's name with .png.
     #[arg(long, value_name = "FILE")]
     pub filters: Option<PathBuf>,
-    /// Begin anew, even if there is a checkpoint.
+    /// Start from the beginning, even if there is a checkpoint.
     #[arg(long)]
     pub restart: bool,
 }
 
-/// Glimpses to learn from and to monitor with, n × the retina's values.
+/// Training and monitoring glimpses, n × the number of retina values.
 pub struct Glimpses {
-    /// The retina that looks.
+    /// The retina of the glimpses.
     pub retina: Foveal,
-    /// Those to learn from.
+    /// Training glimpses.
     pub learn: Vec<f32>,
-    /// Those of pictures never learned from.
+    /// Glimpses of held-out pictures.
     pub held: Vec<f32>,
-    /// Names `learn`.
+    /// Digest that identifies `learn`.
     pub sha256: String,
     pictures_sha256: String,
     pictures: String,
 }
 
 impl Natural {
-    /// Where its files go.
+    /// Returns the output files of the training.
     pub fn files(&self) -> Result<Files<'_>> {
         Files::of(&self.out, self.filters.as_deref(), self.restart)
     }
-    /// Reads the photographs and looks at them; says what it found.
+    /// Reads the photographs, takes the glimpses, and prints a summary.
     pub fn glimpses(&self) -> Result<Glimpses> {
         let retina = retina(self.config.as_deref(), self.side, &self.rings, &self.colour)?;
         Glimpses::look(retina, (Set::Natural, &self.data), [self.glimpses, self.held_out], Visible::Gaussian, self.seed)
     }
-    /// The part of the command that says which glimpses, folders left open.
+    /// Returns the part of the command that specifies the glimpses, with folders left open.
     pub fn command(&self, kind: &str, retina: &FovealConfig) -> String {
         format!(
             "foveate train {kind} --data DIR --side {} --rings {} --glimpses {} --seed {}{}",
@@ -96,7 +96,7 @@ impl Natural {
     }
 }
 
-/// The retina of a configuration, or else of these windows. Fails where the configuration has none, or windows do not fit.
+/// Returns the retina of a configuration, or one with these windows. Fails if the configuration has no retina, or the windows do not fit.
 pub(crate) fn retina(config: Option<&Path>, side: f64, rings: &[[usize; 2]], colour: &[[usize; 2]]) -> Result<Foveal> {
     Foveal::new(match config {
         Some(path) => training::retina_of_config(path)?,
@@ -104,19 +104,19 @@ pub(crate) fn retina(config: Option<&Path>, side: f64, rings: &[[usize; 2]], col
     })
 }
 
-/// Windows as `--rings` takes them.
+/// Formats windows as `--rings` takes them.
 pub(crate) fn rings(rings: &[[usize; 2]]) -> String {
     rings.iter().map(|r| format!("{}/{}", r[0], r[1])).collect::<Vec<_>>().join(",")
 }
 
-/// ` --colour WINDOWS`, where a retina has such.
+/// Returns ` --colour WINDOWS` if the retina has such windows.
 pub(crate) fn colour(retina: &FovealConfig) -> String {
     if retina.colour.is_empty() { String::new() } else { format!(" --colour {}", rings(&retina.colour)) }
 }
 
 impl Glimpses {
-    /// Reads the pictures of a set in a folder, and looks `counts` times at those to learn from and at the others; says what
-    /// it found. Fails where a count is 0, before it reads anything.
+    /// Reads the pictures of a set in a folder, takes `counts` training and held-out glimpses, and prints a summary. Fails before reading
+    /// if a count is 0.
     pub fn look(
         retina: Foveal,
         (set, data): (Set, &Path),
@@ -141,7 +141,7 @@ impl Glimpses {
             pictures: learn.describe(),
         })
     }
-    /// What a model file says of its making.
+    /// Returns the training metadata of a model file.
     pub fn metadata(&self, command: String, seed: u64, epochs: usize) -> Metadata {
         Metadata {
             retina: serde_json::to_string(self.retina.config()).expect("a retina's geometry becomes JSON"),
@@ -152,15 +152,15 @@ impl Glimpses {
             epochs,
         }
     }
-    /// The glimpses to learn from.
+    /// Returns the training glimpses.
     pub fn rows(&self) -> Rows<'_> {
         Rows::new(&self.learn, self.retina.glimpse_len())
     }
-    /// The others.
+    /// Returns the held-out glimpses.
     pub fn held(&self) -> Rows<'_> {
         Rows::new(&self.held, self.retina.glimpse_len())
     }
-    /// Those that are monitored after every epoch, of those learned from and of those held out.
+    /// Returns the training rows and the held-out rows that are monitored after every epoch.
     pub fn monitored(&self) -> [Rows<'_>; 2] {
         let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
         [&self.learn, &self.held].map(|all| {
@@ -170,19 +170,19 @@ impl Glimpses {
     }
 }
 
-/// Where the files of a training go.
+/// The output files of a training run.
 pub struct Files<'a> {
-    /// The model.
+    /// The model file.
     pub model: &'a Path,
-    /// Progress, until the model is there.
+    /// The checkpoint, which exists until the model is complete.
     pub checkpoint: PathBuf,
     picture: PathBuf,
     restart: bool,
 }
 
 impl<'a> Files<'a> {
-    /// The model's file, the picture of its filters (beside it unless given), and whether to begin anew though there is a
-    /// checkpoint. Fails where a folder is not there or in the place of a file: before the work, not after it.
+    /// Creates the paths of the model and of the picture of its filters (beside the model by default); `restart` ignores a checkpoint.
+    /// Fails if a folder is missing or a folder has the name of a file, so that the error comes before the work.
     pub fn of(model: &'a Path, picture: Option<&Path>, restart: bool) -> Result<Self> {
         let picture = picture.map_or_else(|| model.with_extension("png"), Path::to_path_buf);
         [model, &picture].into_iter().try_for_each(writable)?;
@@ -191,8 +191,8 @@ impl<'a> Files<'a> {
         Ok(Self { model, checkpoint: checkpoint.into(), picture, restart })
     }
 
-    /// A training that goes on from its checkpoint where there is one, unless it is to begin anew; else a new one. The
-    /// trainer is asked for its `progress`, to say where it goes on.
+    /// Resumes the training from its checkpoint, if there is one and `restart` is false; otherwise starts a new one. Prints the trainer's
+    /// `progress` on resuming.
     pub fn begin<T>(
         &self,
         progress: fn(&T) -> (usize, usize),
@@ -208,8 +208,7 @@ impl<'a> Files<'a> {
         Ok(trainer)
     }
 
-    /// The model is there: keeps the picture of its filters, where there is one, and says so. There is nothing to go on
-    /// from any more.
+    /// Writes the picture of the filters, if there is one, reports the model, and removes the checkpoint.
     pub fn finish(&self, picture: Option<&Image>) -> Result<()> {
         if let Some(picture) = picture {
             save_png(&self.picture, picture)?;
@@ -221,9 +220,9 @@ impl<'a> Files<'a> {
     }
 }
 
-/// Trains to the end, or until Ctrl-C: then a checkpoint is written, and the program ends. `whole` has the epochs to do and
-/// the batches of one, `progress` the epochs done and the batches done of the next. `step` does one mini-batch, `save` writes a
-/// checkpoint, and `line` says how well the epoch that just ended went.
+/// Trains to the end, or until Ctrl-C: then writes a checkpoint and ends the program. `whole` is the number of epochs and of batches per
+/// epoch, `progress` the number of completed epochs and of completed batches in the next one. `step` processes one mini-batch, `save`
+/// writes a checkpoint, and `line` describes the fit after an epoch.
 pub fn train<T>(
     (epochs, batches): (usize, usize),
     trainer: &mut T,

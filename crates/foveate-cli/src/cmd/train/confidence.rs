@@ -1,4 +1,4 @@
-//! `foveate train confidence`: fits P(lost) on tracks with truth, and cross-validates its calibration.
+//! Implements `foveate train confidence`: fits P(lost) on tracks with ground truth, and cross-validates its calibration.
 
 use std::path::PathBuf;
 
@@ -18,35 +18,33 @@ use crate::cmd::results::{spare, writable};
 use crate::runs::{self, Store};
 use crate::terminal;
 
-/// Fit the probability of being lost, on sequences or drawn scenes with truth.
+/// Fit the probability of being lost on sequences or drawn scenes with ground truth.
 ///
-/// The tracker runs on each video as it is, and with inserted occlusions (`--occlusions` for each way to hide a target).
-/// Printed are the figures of the configuration's own model, and those of new ones by cross-validation: leave one source video
-/// out, and fitted on one half of the videos, judged on the other (the halves of foveate eval --choose).
-/// The new model, fitted on all videos, is written as the section `[confidence]` of a configuration, to be put there in place
-/// of the old one.
-/// What P(lost) says decides when a lost target is searched, so that another model makes other tracks: `--rounds 2` tracks once
-/// more with the new model, and fits on both. The figures are those of the last round's tracks.
-/// After Ctrl-C or a kill the same command goes on.
+/// Run the tracker on each video unchanged and with inserted occlusions (`--occlusions` for each kind of occlusion). Print the scores of
+/// the configuration's model, and of new models by cross-validation: leave one source video out, and fit on one half of the videos and test
+/// on the other (the halves of foveate eval --choose). Write the new model, fitted on all videos, as the section `[confidence]` that
+/// replaces the configuration's section.
+/// P(lost) decides when the tracker searches for a lost target, so a new model changes the tracks: `--rounds 2` tracks again with the new
+/// model, and fits on both rounds. The printed scores are those of the last round. The same command resumes after Ctrl-C or a kill.
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The tracker: a configuration file, or the name of one that ships with the program
+    /// Tracker: a configuration file, or the name of a shipped configuration
     #[arg(long, value_name = "FILE|NAME", default_value = "natural")]
     config: String,
     #[command(flatten)]
     changes: Changes,
     #[command(flatten)]
     tracked: Tracked,
-    /// Track so often, each time with the model fitted on all tracks before: a better P(lost) makes other tracks
+    /// Number of rounds, each with the model fitted on all tracks before: a better P(lost) changes the tracks
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=10))]
     rounds: u64,
-    /// Fit only what the second opinion counts for: the tracker's own weights stay, and so do its boxes
+    /// Fit only the weights of the second tracker: the tracker's own weights and boxes stay unchanged
     #[arg(long)]
     only_second_opinion: bool,
-    /// The section to write
+    /// Output file for the section
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Write the cues of every frame as CSV
+    /// Write the cues of every frame to this CSV file
     #[arg(long, value_name = "FILE")]
     cues: Option<PathBuf>,
 }
@@ -98,7 +96,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
     }
     judge(args, &tracks, before, &config.confidence)?;
-    // What is finished begins anew the next time.
+    // The next call starts from the beginning.
     store.forget(kept)
 }
 
@@ -108,7 +106,7 @@ impl Args {
     }
 }
 
-/// Prints the figures of the tracks from `from` on, and writes the model fitted on all.
+/// Prints the scores of the tracks from `from` on, and writes the model fitted on all tracks.
 fn judge(args: &Args, tracks: &[Judgement], from: usize, confidence: &ConfidenceModel) -> Result<()> {
     let slices =
         |tracks: &[Vec<Judged>]| ConfidenceScore::of(&tracks.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0);
@@ -143,7 +141,7 @@ fn judge(args: &Args, tracks: &[Judgement], from: usize, confidence: &Confidence
     Ok(())
 }
 
-/// Prints the figures of models fitted on one half of the videos on the other half, and pooled, beside those of other models.
+/// Prints the scores of models fitted on one half of the videos and tested on the other, and pooled, beside those of other models.
 fn judged_on_halves(tracks: &[Judgement], others: &[(&str, &Vec<Vec<Judged>>)], halves: &[Vec<Judged>]) {
     for (occluded, kind) in [(false, "without"), (true, "with")] {
         if tracks.iter().all(|t| t.occluded != occluded) {

@@ -1,5 +1,5 @@
-//! The tracks that P(lost) is fitted on: made side by side, and each video's kept in a file until the fit is done, so that one that
-//! was stopped goes on.
+//! The tracks for fitting P(lost). Videos are tracked in parallel, and each result is kept in a file until the fit is done, so that an
+//! interrupted command resumes.
 
 use std::path::PathBuf;
 
@@ -17,31 +17,31 @@ use crate::cmd::eval::record::program;
 use crate::cmd::videos::{Video, of_scene, of_sequence};
 use crate::runs::{self, Entry, Finished, Store};
 
-/// What is to be tracked.
+/// The videos to track, as arguments.
 #[derive(clap::Args)]
 pub(super) struct Tracked {
-    /// Sequences in OTB layout, or folders that hold them
+    /// Sequences in OTB layout, or folders of sequences
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "scene")]
     seqs: Vec<PathBuf>,
-    /// Each sequence from its end to its beginning, too: the same target with another first frame
+    /// Also track each sequence backwards: the same target with another first frame
     #[arg(long, conflicts_with = "scene")]
     backwards: bool,
-    /// Drawn scenes instead: ten digits, 300 frames, 30 % noise
+    /// Use drawn scenes instead: ten digits, 300 frames, 30 % noise
     #[arg(long, value_enum, conflicts_with = "seqs")]
     scene: Option<SceneName>,
     /// Side of the digit in the partial scene, pixels
     #[arg(long, default_value_t = 28)]
     side: usize,
-    /// Folder with MNIST's test files, for scenes; without it the digits are drawn by a pen
+    /// Folder with MNIST's test files, for scenes. If omitted, digits are drawn with pen strokes
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Seeds of the tracker, counting up from --seed
+    /// Number of tracker seeds, counting up from --seed
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
-    /// The first seed
+    /// First seed
     #[arg(long, default_value_t = 101)]
     seed: u64,
-    /// Inserted occlusions for each video, seed and way
+    /// Number of inserted occlusions for each video, seed and kind of occlusion
     #[arg(long, value_name = "N", default_value_t = 1)]
     occlusions: u64,
 }
@@ -62,13 +62,13 @@ impl Finished for Vec<Judgement> {
 
 /// The videos.
 pub(super) enum Videos {
-    /// Sequences, each with a name for its pictures and truth.
+    /// Sequences, each with a digest of its pictures and truth.
     Sequences(Vec<(Sequence, String)>),
-    /// Drawn scenes, their digits, and a name for those. Their camera stands still.
+    /// Drawn scenes, their digits, and a digest of the digits. Their camera is static.
     Scenes(Vec<Synthetic>, Digits, String),
 }
 
-/// One video with one seed of the tracker: as it is, and with inserted occlusions.
+/// One video with one seed of the tracker, unchanged and with inserted occlusions.
 struct Job {
     video: usize,
     backwards: bool,
@@ -76,7 +76,7 @@ struct Job {
 }
 
 impl Videos {
-    /// Those that the arguments ask for.
+    /// Creates the videos selected by the arguments.
     pub(super) fn of(args: &Tracked) -> Result<Self> {
         let Some(name) = args.scene else {
             let named = |sequence: Sequence| Data::with_pictures(&sequence).map(|data| (sequence, data.digest()));
@@ -95,7 +95,7 @@ impl Videos {
         Ok(Self::Scenes((0..10).map(scene).collect(), digits, pixels))
     }
 
-    /// A tracker on all of them: each video with each seed, and each backwards after it was forwards.
+    /// Creates jobs for a tracker: each video with each seed, and each backwards after its forward run.
     pub(super) fn jobs(&self, args: &Tracked, blueprint: Blueprint) -> Result<Jobs<'_>> {
         let seeds = || (0..args.seeds).map(|i| args.seed.wrapping_add(i));
         let ways = if args.backwards { &[false, true][..] } else { &[false] };
@@ -120,7 +120,7 @@ impl Videos {
         }
     }
 
-    /// A name for all that a video depends on.
+    /// Returns a digest of everything that a video depends on.
     fn name(&self, video: usize) -> String {
         match self {
             Self::Sequences(all) => format!("{} {}", all[video].0.name, all[video].1),
@@ -129,7 +129,7 @@ impl Videos {
     }
 }
 
-/// A tracker on all of them.
+/// The jobs of one tracker on all videos.
 pub(super) struct Jobs<'a> {
     videos: &'a Videos,
     entry: Entry,
@@ -138,12 +138,12 @@ pub(super) struct Jobs<'a> {
 }
 
 impl Jobs<'_> {
-    /// Names of the files.
+    /// Returns the names of the files.
     pub(super) fn keys(&self) -> Vec<String> {
         self.all.iter().map(|job| self.key(job)).collect()
     }
 
-    /// All tracks, in the order of the videos; `None` where it was asked to stop.
+    /// Returns all tracks in the order of the videos; `None` if the program was stopped.
     pub(super) fn tracks(&self, store: &Store, label: &str) -> Result<Option<Vec<Judgement>>> {
         let make = |job: &Job| {
             let tracks = self.made(job)?;
@@ -178,7 +178,7 @@ impl Jobs<'_> {
         }
     }
 
-    /// As it is, and with inserted occlusions, where it is long enough for them.
+    /// Tracks a video unchanged and, if it is long enough, with inserted occlusions.
     fn followed(&self, video: &Video<'_>, ways: &[Way], seed: u64) -> Result<Vec<Judgement>> {
         let clips = ways
             .iter()

@@ -1,4 +1,4 @@
-//! `foveate train fixations`: learns to recognise digits from a few fixations.
+//! Implements `foveate train fixations`: learns to recognise digits from a few fixations.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -21,50 +21,50 @@ use foveate::{Error, Result};
 use super::common::{self, Files};
 use crate::cmd::configure::{self, Changes};
 
-/// Training digits that are held out: the last of the set.
+/// Number of held-out training digits: the last of the set.
 const HELD_OUT: usize = 5000;
-/// Looks of the curve at the end, and digits of it.
+/// Fixations of the final curve, and number of its digits.
 const CURVE: (usize, usize) = (30, 2000);
 
-/// Learn a multi-fixation RBM, which recognises a digit by a few looks at it.
+/// Train a multi-fixation RBM, which recognises a digit by a few glimpses.
 ///
-/// It reads the features of a configuration's first layer, at random gazes on digits as a tracker sees them: a little off,
-/// among others, on noise. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes
-/// on from there and ends with the same bits. The same seed gives the same model for any number of threads.
+/// The input is the features of a configuration's first layer, at random gazes on digits as a tracker sees them: slightly displaced, among
+/// other digits, with noise. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives
+/// the same result bit for bit. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
 pub(super) struct Args {
     /// Folder with the four MNIST files, or with a folder `mnist` of them.
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
-    /// The model file to write.
+    /// Output model file.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Take retina and first layer from this configuration: a file, or the name of one that ships with the program.
+    /// Take retina and first layer from this configuration: a file, or the name of a shipped configuration.
     #[arg(long, value_name = "FILE", default_value = "digits-rbm", conflicts_with = "larochelle_hinton")]
     config: String,
-    /// Instead, do as Larochelle and Hinton (2010): no first layer, centred digits, four fixed gazes.
+    /// Reproduce Larochelle and Hinton (2010) instead: no first layer, centred digits, four fixed gazes.
     #[arg(long)]
     larochelle_hinton: bool,
-    /// What to make small: `generative` learns layer by layer, with a classifier of its own on top, as the paper does.
+    /// Training cost: `generative` learns layer by layer, with a separate classifier on top, as in the paper.
     #[arg(long, value_enum, default_value = "hybrid-sequential")]
     cost: CostName,
-    /// Weight of the generative part of the hybrid costs: 0.1 for 96 pixels of four fixations, 0.003 for the many features of
-    /// a first layer, unless given.
+    /// Weight of the generative part of the hybrid costs; default: 0.1 for 96 pixels of four fixations, 0.003 for the many features of a
+    /// first layer.
     #[arg(long)]
     alpha: Option<f32>,
-    /// Fixations that a decision stands on.
+    /// Number of fixations per decision.
     #[arg(long, default_value_t = 3)]
     window: usize,
-    /// The places lie in a square of this half side, in template units.
+    /// Half side of the square of gaze places, in template units.
     #[arg(long, default_value_t = 0.5)]
     reach: f64,
-    /// Places along a side of that square; fixations are drawn among all of them.
+    /// Number of places along a side of the square; fixations are drawn from all of them.
     #[arg(long, default_value_t = 3)]
     grid: usize,
-    /// Draw fixations from the whole square, not the places alone.
+    /// Draw fixations from the whole square instead of the places alone.
     #[arg(long)]
     anywhere: bool,
-    /// Training digits to learn from, 10 to 55000; the last 5000 are held out.
+    /// Number of training digits, 10 to 55000; the last 5000 are held out.
     #[arg(long, default_value_t = 55_000)]
     digits: usize,
     /// Show digits centred and alone.
@@ -76,28 +76,28 @@ pub(super) struct Args {
     /// Factors.
     #[arg(long, default_value_t = 250)]
     factors: usize,
-    /// What keeps the gates: `linear` is the paper's.
+    /// Nonlinearity of the gates: `linear` is the paper's.
     #[arg(long, value_enum, default_value = "logistic")]
     gates: GatesName,
     /// Passes over the digits.
     #[arg(long, default_value_t = 14)]
     epochs: usize,
-    /// Sequences of a mini-batch.
+    /// Sequences per mini-batch.
     #[arg(long, default_value_t = 100)]
     batch: usize,
-    /// First step size.
+    /// Initial learning rate.
     #[arg(long, default_value_t = 0.008)]
     rate: f32,
-    /// Weight decay, beside the step size.
+    /// Weight decay, independent of the learning rate.
     #[arg(long, default_value_t = 0.01)]
     l2: f32,
-    /// Share of the past in the mean of the parameters.
+    /// Decay of the running mean of the parameters, 0 to 1.
     #[arg(long, default_value_t = 0.999)]
     average: f32,
-    /// Seed of all random numbers: the same seed gives the same model.
+    /// Random seed; the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Begin anew, even if there is a checkpoint.
+    /// Start from the beginning, even if there is a checkpoint.
     #[arg(long)]
     restart: bool,
 }
@@ -115,7 +115,7 @@ enum GatesName {
     Logistic,
 }
 
-/// What is seen of digits, and what it is called.
+/// The input of the recogniser and its description.
 struct View {
     sampler: FixationSampler,
     retina: String,
@@ -171,7 +171,7 @@ impl Args {
         let sampler = FixationSampler { retina, encoder, places, gazes, window, nuisance, seed: self.seed };
         Ok(View { sampler, retina: geometry, first_layer })
     }
-    /// The command that makes the same model: every setting said, folders left open.
+    /// Returns the command that makes the same model, with every setting explicit and folders left open.
     fn command(&self, r: &Recipe) -> String {
         let name = |value: Option<clap::builder::PossibleValue>| value.expect("a name").get_name().to_string();
         let what = if self.larochelle_hinton {
@@ -231,7 +231,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let still = matches!(view.sampler.gazes, Gazes::All(_)) && view.sampler.nuisance == Nuisance::default();
     let shown = |epoch: usize| view.sampler.look(&learn, if still { 0 } else { epoch as u64 });
     let places = || view.sampler.places.clone();
-    // The trainer, and the digits as this epoch shows them.
+    // The trainer, and the digits with this epoch's variations.
     type Learning = (Trainer, usize, FixationData);
     let progress = |(trainer, ..): &Learning| trainer.progress();
     let mut learning = files.begin(
@@ -276,7 +276,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         },
     )?;
 
-    // A temperature for the classes, or a classifier of the hidden units, with its own.
+    // Fit a temperature for the classes, or a classifier of the hidden units with its own temperature.
     let rbm = learning.0.learned()?;
     let metadata = Metadata {
         retina: view.retina.clone(),
@@ -304,7 +304,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
 }
 
-/// The paper's classifier: fitted on the digits as two epochs showed them, its temperature on those held out.
+/// Fits the paper's classifier on the digits of two epochs, and its temperature on the held-out digits.
 fn classifier(
     rbm: &FixationRbm,
     shown: &dyn Fn(usize) -> Result<FixationData>,
@@ -325,7 +325,7 @@ fn classifier(
     Ok(classifier)
 }
 
-/// Prints how well test digits are recognised.
+/// Prints the accuracy on test digits.
 fn assess(recogniser: &MultiFixation, mut sampler: FixationSampler, test: &Digits) -> Result<()> {
     let print = |what: &str, found: &Reliability| {
         let (errors, ece) = (100.0 * (1.0 - found.accuracy), 100.0 * found.ece);

@@ -1,4 +1,4 @@
-//! `foveate train kmeans`: filters of natural patches, for a convolutional first layer.
+//! Implements `foveate train kmeans`: filters of natural patches, for a convolutional first layer.
 
 use foveate::Result;
 use foveate::identity::convolution::Patches;
@@ -12,25 +12,25 @@ use super::common::{self, Glimpses, Natural};
 
 /// Learn k-means filters of whitened patches, from the rings of glimpses of natural photographs.
 ///
-/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
-/// ends with the same bits. The same seed gives the same model for any number of threads.
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives the same result bit for
+/// bit. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
     natural: Natural,
-    /// Filters.
+    /// Number of filters.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=400))]
     units: u16,
     /// Cells along a side of a patch, 2 to 8.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(2..=8))]
     patch: u8,
-    /// Patches to learn from, each at a random place of a glimpse.
+    /// Number of training patches, each at a random place of a glimpse.
     #[arg(long, default_value_t = 300_000)]
     patches: usize,
-    /// Share of the patches' variance that whitening keeps.
+    /// Fraction of the patches' variance that whitening keeps.
     #[arg(long, default_value_t = 0.99)]
     keep: f64,
-    /// Added to a patch's variance before it is divided by its root, where a glimpse has variance 1.
+    /// Constant added to a patch's variance before division by its square root; a glimpse has variance 1.
     #[arg(long, default_value_t = 1.0)]
     softening: f32,
     /// Passes over the patches.
@@ -48,7 +48,7 @@ impl Args {
             ..Recipe::new(self.units.into())
         }
     }
-    /// The command that makes the same model: every setting said, folders left open.
+    /// Returns the command that makes the same model, with every setting explicit and folders left open.
     fn command(&self, glimpses: &Glimpses) -> String {
         format!(
             "{} --units {} --patch {} --patches {} --keep {} --softening {} --epochs {} --out FILE",

@@ -1,4 +1,4 @@
-//! `foveate train variation`: how features of targets vary along tracks with truth.
+//! Implements `foveate train variation`: how features of targets vary along tracks with ground truth.
 
 use std::path::PathBuf;
 
@@ -11,28 +11,28 @@ use foveate::{Error, Result, files};
 use crate::cmd::configure::{self, Changes};
 use crate::cmd::results::{spare, writable};
 
-/// Learn how features of a target vary along its track, from sequences with truth.
+/// Estimate how features of a target vary along its track, from sequences with ground truth.
 ///
-/// Written is the covariance of the oriented encoder's features (gradients, grey, colour) in the true boxes about their mean
-/// over each track, for `[variation] covariance = "FILE"` of a configuration: what varies much tells less of where the target is.
+/// Write the covariance of the oriented encoder's features (gradients, grey, colour) in the true boxes about their mean over each track,
+/// for `[variation] covariance = "FILE"` of a configuration: features with high variance carry less information on the target's position.
 /// The same sequences give the same file.
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Sequences in OTB layout, or folders that hold them
+    /// Sequences in OTB layout, or folders of sequences
     #[arg(long, value_name = "DIR", num_args = 1.., required = true)]
     seqs: Vec<PathBuf>,
-    /// Learn from the sequences of one half alone (those of foveate eval --choose), to judge it on the other
+    /// Use only the sequences of one half (as in foveate eval --choose), to test on the other
     #[arg(long, value_parser = ["a", "b"])]
     half: Option<String>,
-    /// Take the retina from this configuration: a file, or the name of one that ships with the program
+    /// Take the retina from this configuration: a file, or the name of a shipped configuration
     #[arg(long, value_name = "FILE|NAME", default_value = "natural")]
     config: String,
     #[command(flatten)]
     changes: Changes,
-    /// Every so many frames of a sequence
+    /// Use every N-th frame of a sequence
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=1000))]
     every: u64,
-    /// The file to write
+    /// Output file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }

@@ -1,31 +1,31 @@
-//! TraX's messages: a line each, `@@TRAX:type argument "argument" key=value ...`.
+//! TraX's messages, one per line: `@@TRAX:type argument "argument" key=value ...`.
 
 use std::io::BufRead;
 
 use foveate::{Error, Result};
 
-/// What every message begins with. Lines without it are nobody's.
+/// The prefix of every message. Lines without it are ignored.
 pub(super) const PREFIX: &str = "@@TRAX:";
-/// The longest line that is read, bytes: a polygon of some 60,000 corners.
+/// Maximum length of a line, bytes: a polygon of about 60,000 corners.
 const LONGEST: usize = 1 << 20;
-/// The longest name of a property.
+/// Maximum length of a property's name.
 const LONGEST_KEY: usize = 64;
 
-/// A message, or what could be read of one.
+/// A complete or partial message.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Message {
-    /// Its type in lower case: initialize, frame, quit.
+    /// The type in lower case: initialize, frame, quit.
     pub kind: String,
-    /// What stands in it without a key.
+    /// The values without a key.
     pub arguments: Vec<String>,
-    /// What stands in it as `key=value`.
+    /// The values with a key, `key=value`.
     pub properties: Vec<(String, String)>,
 }
 
-/// The next message; none at the end of the stream. Lines that are no messages are passed over.
+/// Returns the next message, or `None` at the end of the stream. Lines that are no messages are skipped.
 ///
 /// # Errors
-/// The stream breaks, a line is longer than 1 MiB or no text, or a message is malformed.
+/// The stream breaks off, a line is longer than 1 MiB or not text, or a message is malformed.
 pub(super) fn next(input: &mut impl BufRead) -> Result<Option<Message>> {
     loop {
         let Some(line) = line(input)? else { return Ok(None) };
@@ -35,7 +35,7 @@ pub(super) fn next(input: &mut impl BufRead) -> Result<Option<Message>> {
     }
 }
 
-/// A line without its end, however long the rest of the stream is: never more than the limit is in memory.
+/// Reads a line without its end. Never holds more than the limit in memory.
 fn line(input: &mut impl BufRead) -> Result<Option<String>> {
     let mut line = vec![];
     loop {
@@ -60,7 +60,7 @@ fn line(input: &mut impl BufRead) -> Result<Option<String>> {
     }
 }
 
-/// A message from what follows the prefix.
+/// Parses the text after the prefix.
 fn parse(text: &str) -> std::result::Result<Message, String> {
     let text = text.trim_end_matches('\r');
     let (kind, mut rest) = text.split_once(' ').unwrap_or((text, ""));
@@ -85,7 +85,7 @@ fn parse(text: &str) -> std::result::Result<Message, String> {
     }
 }
 
-/// The text up to the closing quotation mark, and what follows it.
+/// Returns the text up to the closing quotation mark, and the text after it.
 fn unquote(text: &str) -> std::result::Result<(String, &str), String> {
     let (mut word, mut escaped) = (String::new(), false);
     for (i, c) in text.char_indices() {
@@ -119,7 +119,7 @@ fn is_key(key: &str) -> bool {
     !key.is_empty() && key.len() <= LONGEST_KEY && key.chars().all(allowed)
 }
 
-/// A message as a line.
+/// Formats a message as a line.
 pub(super) fn format(kind: &str, arguments: &[&str], properties: &[(&str, &str)]) -> String {
     let escape = |text: &str| text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n");
     let arguments = arguments.iter().map(|a| format!(" \"{}\"", escape(a)));
@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(message.arguments, ["file:///a b/1.jpg", "1,2,3.5,4"]);
         let own = |k: &str, v: &str| (k.to_owned(), v.to_owned());
         assert_eq!(message.properties, [own("label", "a \"cat\""), own("n", "2")]);
-        // No key has a slash: a path with = is a path.
+        // A key has no slash: a path with = is a path.
         let path = read(b"@@TRAX:frame \"file:///a=b.png\"").expect("a message").expect("one");
         assert_eq!(path.arguments, ["file:///a=b.png"]);
         assert_eq!(read(b"hello\n").expect("no message"), None);
@@ -164,7 +164,7 @@ mod tests {
             let problem = read(text).expect_err(said).to_string();
             assert!(problem.contains(said), "{problem}");
         }
-        // Of a long one some is told.
+        // The error quotes only part of a long message.
         for end in ["", "\"x"] {
             let text = format!("@@TRAX:frame \"{}{end}{}", "é".repeat(100_000), "é".repeat(100_000));
             let problem = read(text.as_bytes()).expect_err("damage").to_string();

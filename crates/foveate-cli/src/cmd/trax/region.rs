@@ -3,14 +3,14 @@
 use foveate::video::vot;
 use foveate::{BBox, Error, Result};
 
-/// The box of a rectangle, polygon or mask; a region without one is an error.
+/// Parses the bounding box of a rectangle, polygon or mask; fails for a region without one.
 pub(super) fn parse(text: &str) -> Result<BBox> {
     let parsed =
         vot::parse_region(text).and_then(|region| region.ok_or_else(|| format!("the region \"{text:.40}\" is no box")));
     parsed.map_err(|problem| Error::Invalid(format!("initialize: {problem}")))
 }
 
-/// A rectangle.
+/// Formats a rectangle.
 pub(super) fn format(b: &BBox) -> String {
     format!("{:.4},{:.4},{:.4},{:.4}", b.x, b.y, b.w, b.h)
 }
