@@ -1,15 +1,14 @@
-//! Multi-target tracking: one particle filter a target, and what happens between targets.
+//! Multi-target tracking: one particle filter per target, and the interactions of targets.
 //!
-//! Every frame each detection is assigned to the target it fits best (overlap, motion, appearance; one to one), targets that
-//! overlap are put in order of depth, so that the occluded one relies less on its pixels, what is seen where they meet is shared among
-//! them, so that they do not end on one of them, and every filter makes its step.
-//! Then tracks that are gone are terminated, and persistent unmatched detections start new ones, after a re-identification
-//! check against terminated ones.
+//! In every frame, each detection is assigned to the target that it fits best (overlap, motion, appearance; one to one), and overlapping
+//! targets are put in depth order, so that an occluded target relies less on its pixels. Targets share the evidence where they overlap, so
+//! that they do not end on the same object. Then every filter makes its step. At last, tracks of targets that are gone are terminated, and
+//! persistent unmatched detections start new ones, after a re-identification check against terminated ones.
 //!
-//! Deviation: the paper's experiments of many targets run trackers side by side that know nothing of each other.
+//! Deviation: the paper's experiments with several targets run independent trackers.
 //!
-//! A target's randomness is named by its id: those who do not touch it cannot change a bit of its track. Targets make
-//! their steps in parallel; the results do not depend on the number of threads.
+//! The id of a target names its random streams, so targets that do not overlap it cannot change its track by a bit. Targets make their
+//! steps in parallel; the results do not depend on the number of threads.
 
 pub mod attention;
 mod edge;
@@ -46,52 +45,52 @@ use pool::Pool;
 use ranks::Ranks;
 use target::Target;
 
-/// Makes the engine of the target with this id.
+/// Creates the engine of the target with this id.
 pub(crate) type Make = Box<dyn Fn(u64) -> Engine + Send + Sync>;
 
-/// Makes a preprocessor.
+/// Creates a preprocessor.
 pub(crate) type Fresh = Box<dyn Fn() -> Preprocessor + Send + Sync>;
 
-/// The terminated targets that are remembered at most: each keeps its first frame.
+/// Maximum number of remembered terminated targets; each keeps its first frame.
 const MOST_REMEMBERED: usize = 50;
 
-/// Ids of targets are below this: the last bit names the randomness of a second opinion.
+/// Upper bound of target ids: the last bit names the random streams of a second tracker.
 const MOST_ID: u64 = 1 << 63;
 
-/// Intersection over union from which on two boxes are of the same target.
+/// IoU from which two boxes belong to the same target.
 const SAME: f64 = 0.6;
 
-/// Follows many targets: those that are given, and those that detections start.
+/// Follows many targets: those that the caller adds, and those that detections start.
 pub struct MultiTracker {
     origin: Origin,
     settings: Settings,
     room: Room,
-    /// Whether memory kept a track from being started.
+    /// Whether the memory limit kept a track from starting.
     full: bool,
     make: Make,
-    /// Makes a preprocessor that has seen nothing.
+    /// Creates a preprocessor without history.
     fresh: Fresh,
     preprocessor: Preprocessor,
-    /// Number of the present picture, from 0, and of the next.
+    /// Numbers of the present picture, from 0, and of the next.
     frame: usize,
     next: usize,
-    /// Whether it was loaded since the last update: pictures that are skipped then were counted before.
+    /// Whether the state was loaded since the last update: skipped pictures were counted before then.
     resumed: bool,
     size: Option<(usize, usize)>,
     /// Width, height and planes of the last picture.
     shape: [usize; 3],
-    /// By id.
+    /// In order of id.
     active: Vec<Target>,
-    /// By time of termination.
+    /// In order of termination.
     terminated: Vec<Target>,
     tentative: TentativeTracks,
     ranks: Ranks,
     fronts: Fronts,
     next_id: u64,
-    /// Whether there ever was a detection.
+    /// Whether there has been any detection.
     detecting: bool,
     targets: Vec<Seen<'static>>,
-    /// Those of them whose boxes are results.
+    /// The targets whose boxes are results.
     results: Vec<Seen<'static>>,
     pool: Pool,
     work: Work,
@@ -102,16 +101,16 @@ pub struct MultiTracker {
 struct Work {
     expected: Vec<Expected>,
     meetings: Meetings,
-    /// Where each target is expected, if it is not lost, and who meets whom, both ways round.
+    /// The predicted place of each target, unless it is lost, and all pairs of overlapping targets, in both directions.
     claims: Vec<Option<Claim>>,
     neighbours: Vec<(usize, usize)>,
     bodies: Vec<Body>,
     visible: Vec<f64>,
-    /// Detections that no target has yet, and the number of each among all of the frame.
+    /// Unassigned detections, and the index of each among all of the frame.
     detections: Vec<Detection>,
     numbers: Vec<usize>,
     found: Vec<Detection>,
-    /// The picture for each target, less what the others show.
+    /// The picture for each target, from which the templates of the others are subtracted.
     cleared: Vec<Image>,
     order: Vec<(f64, usize)>,
 }
@@ -147,16 +146,16 @@ impl MultiTracker {
 
     /// Tracks all targets into the next picture. `detections` are those of your detector, pixels from 0, in any order; if the
     /// configuration has a detector, its detections are added. Returns the targets whose boxes are results, by id: targets in the phase
-    /// [`Phase::Lost`] are left out, and [`MultiTracker::targets`] has them too. [`Seen::detection_index`] names the detection that
-    /// was assigned to a target.
+    /// [`Phase::Lost`] are left out, and [`MultiTracker::targets`] has them too. [`Seen::detection_index`] names the detection that was
+    /// assigned to a target.
     ///
     /// A detection without a score has the score NaN. If no detection has a score, or all have the same one, each can start a track, but
     /// none can start one beside another target.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the picture has another size than the first one (after [`MultiTracker::cut`] it may), or a detection's box is
-    /// not finite or has no width or height; then nothing has changed.
-    /// [`Error::Stopped`] where it was asked to: see [`MultiTracker::stopper`].
+    /// [`Error::Invalid`] if the size of the picture differs from that of the first one (after [`MultiTracker::cut`] it may), or if a
+    /// detection's box is not finite or has no width or height; nothing changes then. [`Error::Stopped`] if another thread has stopped the
+    /// tracker: see [`MultiTracker::stopper`].
     pub fn update(&mut self, image: &Image, detections: &[Detection]) -> Result<&[Seen<'static>]> {
         let size = (image.width(), image.height());
         if self.size.is_some_and(|first| first != size) {
@@ -184,7 +183,7 @@ impl MultiTracker {
         Ok(&self.results)
     }
 
-    /// One frame. Of the detections, the first `own` are the caller's.
+    /// Runs one frame. The first `own` detections are the caller's.
     fn step(&mut self, image: &Image, detections: &[Detection], own: usize) {
         self.detecting |= !detections.is_empty();
         self.ranks.look(detections);
@@ -207,7 +206,7 @@ impl MultiTracker {
             }
             let image = cleared.get(i).unwrap_or(image);
             if !target.looked_at && target.engine.waits(target.track.detection.is_some()) {
-                return target.step(image, s, detecting); // It needs no room.
+                return target.step(image, s, detecting); // It needs no buffers.
             }
             target.looking(pool, |target| target.step(image, s, detecting));
         });
@@ -216,13 +215,12 @@ impl MultiTracker {
         self.publish();
     }
 
-    /// A target's box in the picture of the last update: a new target, or an active one that starts again. Answers its id, the
-    /// next free one where none is given.
+    /// Adds a target with its box in the picture of the last update, or restarts an active one. Returns its id; if `id` is `None`, that is
+    /// the next free one.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture, or the id is 2⁶³ or
-    /// more; [`Error::Memory`]
-    /// where another target takes more memory than there may be ([`foveate_base::memory`]).
+    /// [`Error::Invalid`] if the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture, or if the id is 2⁶³ or more.
+    /// [`Error::Memory`] if another target exceeds the memory limit ([`foveate_base::memory`]).
     pub fn add(&mut self, image: &Image, id: Option<u64>, bbox: BBox) -> Result<u64> {
         crate::start::check(image, &bbox)?;
         if self.pool.stops() {
@@ -241,7 +239,7 @@ impl MultiTracker {
         Ok(id)
     }
 
-    /// The picture changed altogether: all targets are terminated, to be re-identified if they come back.
+    /// Declares a cut in the video: terminates all targets, which are re-identified if they return.
     pub fn cut(&mut self) {
         self.tentative.clear();
         self.fronts = Fronts::default();
@@ -255,19 +253,19 @@ impl MultiTracker {
         self.publish();
     }
 
-    /// A picture that is not tracked in, before the first that is, or before the first update after [`MultiTracker::load`]:
-    /// detector and camera motion compare pictures, and see it.
+    /// Shows a picture without tracking to the detector and the camera motion, which compare pictures: one before the first update, or
+    /// before the first update after [`MultiTracker::load`].
     pub fn skip(&mut self, image: &Image) {
         self.preprocessor.look(image);
         self.next += usize::from(!self.resumed);
     }
 
-    /// All active targets of the last picture, by id, with those in the phase [`Phase::Lost`], whose boxes are guesses.
+    /// Returns all active targets of the last picture, by id. The boxes of targets in the phase [`Phase::Lost`] are guesses.
     pub fn targets(&self) -> &[Seen<'static>] {
         &self.targets
     }
 
-    /// The active target with this id, lost or not, in the last picture.
+    /// Returns the active target with this id in the last picture, lost or not.
     pub fn target(&self, id: u64) -> Option<&Seen<'static>> {
         self.targets.binary_search_by_key(&id, |target| target.id).ok().map(|at| &self.targets[at])
     }
@@ -276,7 +274,7 @@ impl MultiTracker {
         self.work.expected.clear();
         self.work.expected.extend(self.active.iter().map(|t| {
             let c = &t.track.covariance;
-            // Of place and velocity together.
+            // The variance of place plus velocity.
             let variance = [0, 1].map(|k| c[k][k] + 2.0 * c[k][k + 2] + c[k + 2][k + 2]);
             let (bbox, guess) = (t.shaped(t.next().bbox(t.track.extent)), self.settings.guesses(t.unseen));
             Expected { bbox, variance: (variance[0], variance[1]), guess }
@@ -285,7 +283,7 @@ impl MultiTracker {
         meetings.find(expected.len(), &|i| expected[i].bbox);
     }
 
-    /// Decides who is looked at.
+    /// Selects the targets that are updated in this frame.
     fn attend(&mut self) {
         let (attention, order) = (&self.settings.attention, &mut self.work.order);
         let all = attention.suffices(self.active.len());
@@ -309,7 +307,7 @@ impl MultiTracker {
         if left.is_empty() {
             return self.active.iter_mut().for_each(|target| target.set_detection(None, None));
         }
-        // Tentative tracks take part: what is theirs is left to them.
+        // Tentative tracks take part, so that their detections are not assigned to targets.
         self.tentative.expect(self.frame, &self.settings, expected);
         let (active, ranks, s, pool) = (&mut self.active, &self.ranks, &self.settings, &self.pool);
         let unknown = s.unknown_rank();
@@ -328,7 +326,7 @@ impl MultiTracker {
         pairs::retain_both(left, numbers, |j, _| !given.contains(&Some(j)));
     }
 
-    /// Tells each engine how much of its target can be seen.
+    /// Sets the visible fraction of each target.
     fn occlude(&mut self, image: &Image) {
         let Work { expected, meetings, bodies, visible, .. } = &mut self.work;
         let (meetings, pool) = (&*meetings, &self.pool);
@@ -346,8 +344,8 @@ impl MultiTracker {
         }
     }
 
-    /// Two targets cannot be in one place: where boxes meet, each engine gets the places that the others are expected at. Detections, and
-    /// explaining away, tell targets apart in their own way.
+    /// Sets the places that overlapping targets claim, because two targets cannot be in one place. With detections or explaining away,
+    /// which separate targets too, there are no claims.
     fn exclude(&mut self) {
         let Work { expected, meetings, claims, neighbours, .. } = &mut self.work;
         claims.clear();
@@ -365,7 +363,7 @@ impl MultiTracker {
         }
     }
 
-    /// Takes off each target's picture what the others show.
+    /// Subtracts the templates of all other targets from each target's picture.
     fn explain(&mut self, image: &Image) {
         let (share, cleared) = (self.settings.occlusion.explain, &mut self.work.cleared);
         if share <= 0.0 {

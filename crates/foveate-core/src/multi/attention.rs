@@ -1,17 +1,17 @@
-//! Whom to look at, where there are more targets than looks in a frame (the paper's future work: attention over objects).
+//! Scheduling of looks if there are more targets than looks in a frame (the paper's future work: attention over objects).
 //!
-//! A look is what costs. Who gets none coasts: its belief is predicted and spreads, detections still count, and nothing is
-//! learned of its looks. Who is first follows from a priority, the greatest first:
+//! Looks dominate the cost. A target without a look coasts: its belief is predicted and spreads, detections still weigh it, and its models
+//! are not updated. The targets with the highest priorities get the looks:
 //! ```text
 //! round-robin   frames since its last look
 //! surprise      how far a look moved its estimate a frame, on average, times the square of the frames since the last one
 //! ```
-//! *Surprise* is the index of a restless bandit whose cost grows evenly while it waits (Whittle, 1988): looking now saves
-//! `c w`, and waiting has cost `c w / 2` a frame so far, so that the gain of a look is worth `c w²` but for a factor.
+//! *Surprise* is the index of a restless bandit whose cost grows linearly while it waits (Whittle, 1988): a look after `w` frames saves
+//! `c w`, and waiting has cost `c w / 2` per frame so far, so that the gain of a look is proportional to `c w²`.
 
 use serde::{Deserialize, Serialize};
 
-/// How many targets are looked at in a frame, and which.
+/// The number of targets updated in a frame, and their order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Attention {
@@ -32,22 +32,22 @@ pub enum Priority {
     Surprise,
 }
 
-/// What is known of a target before it is looked at.
+/// The quantities from which the priority of a target follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
     /// Frames since its last look.
     pub waited: usize,
-    /// How far a look moved its estimate a frame, template units, on average.
+    /// Mean distance by which a look moves its estimate, per frame, template units.
     pub surprise: f64,
 }
 
 impl Attention {
-    /// Whether all of so many targets are looked at.
+    /// Returns whether the budget covers this number of targets.
     pub fn suffices(&self, targets: usize) -> bool {
         self.budget == 0 || targets <= self.budget
     }
 
-    /// Puts the greatest priorities first, and equal ones by their number: those of the budget are looked at.
+    /// Sorts the candidates by priority, largest first, and equal ones by index; the first `budget` are updated.
     pub fn order(&self, candidates: impl Iterator<Item = Candidate>, order: &mut Vec<(f64, usize)>) {
         order.clear();
         order.extend(candidates.map(|c| self.policy.of(&c)).zip(0..));

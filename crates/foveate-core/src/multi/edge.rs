@@ -1,21 +1,22 @@
-//! At the edge of the picture a detection shows no more of its target than has come in by now.
+//! Detections at the edge of the picture, which contain only the visible part of their target.
 
 use crate::geometry::BBox;
 use crate::scene::Image;
 
-/// Pixels from the edge that count as at it.
+/// Distance from the edge that counts as at the edge, pixels.
 const NEAR: f64 = 2.0;
-/// How much larger than the target's box, in area, a detection must be for a new template.
+/// Least ratio of the areas of detection and target's box for a new template.
 const GROWN: f64 = 1.1;
-/// Share of each side of the target's box that such a detection has at least.
+/// Least ratio of each side of such a detection to that of the target's box.
 const AS_LONG: f64 = 0.9;
 
-/// Which ends of an interval lie at the ends of `0..side`.
+/// Returns whether each end of an interval lies at the end of `0..side`.
 fn ends(from: f64, length: f64, side: f64) -> (bool, bool) {
     (from <= NEAR, from + length >= side - NEAR)
 }
 
-/// Whether a target is coming in: its detection, at the edge, has outgrown its box, and is not most of the picture.
+/// Returns whether a target is entering: its detection, at the edge, has outgrown its box, and covers at most the share `most` of the
+/// picture.
 pub(super) fn comes_in(bbox: &BBox, found: &BBox, image: &Image, most: f64) -> bool {
     let (width, height) = (image.width() as f64, image.height() as f64);
     let (x, y) = (ends(found.x, found.w, width), ends(found.y, found.h, height));
@@ -27,7 +28,7 @@ pub(super) fn comes_in(bbox: &BBox, found: &BBox, image: &Image, most: f64) -> b
         && found.h > AS_LONG * bbox.h
 }
 
-/// How far an interval in `0..side` moved: as far as both of its ends did, or as far as it came in at the edge.
+/// Returns how far an interval in `0..side` moved: the smaller motion of its two ends, or, at the edge, the distance that it entered.
 pub(super) fn moved(was: (f64, f64), is: (f64, f64), side: f64) -> f64 {
     let (near, far) = (is.0 - was.0, is.0 + is.1 - was.0 - was.1);
     let at = |k: fn((bool, bool)) -> bool| k(ends(was.0, was.1, side)) && k(ends(is.0, is.1, side));

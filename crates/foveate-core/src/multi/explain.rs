@@ -1,14 +1,14 @@
-//! Explaining away: what one target shows is no evidence of another.
+//! Explaining away: the evidence of one target is not evidence of another.
 //!
-//! Each target looks at the picture less what the others, as they looked in their first frame, show where they are expected.
-//! A small one can then not settle on the strokes of a large one, which it would fit nearly as well as itself. For bright
-//! things on dark, of which little is hidden where they pass over each other; a target that is lost explains nothing.
+//! Each target is scored on the picture from which the first-frame templates of the others, at their predicted places, are subtracted. A
+//! small target then cannot settle on the strokes of a large one, which would fit it nearly as well as itself. Use it for bright objects
+//! on a dark background that occlude each other little; a lost target is not subtracted.
 
 use crate::geometry::{BBox, Extent, State};
 use crate::identity::TemplateSource;
 use crate::scene::Image;
 
-/// Takes off `image` the share (0 to 1) of its values that a target at `state` shows there.
+/// Subtracts from `image` the share (0 to 1) of the values that a target at `state` contributes there.
 pub(super) fn take_off(image: &mut Image, look: TemplateSource<'_>, state: &State, share: f64) {
     if look.image.planes() != image.planes() {
         return;
@@ -38,7 +38,7 @@ pub(super) fn take_off(image: &mut Image, look: TemplateSource<'_>, state: &Stat
     }
 }
 
-/// Between pixels; black outside.
+/// The value between pixels, by interpolation; black outside.
 fn value(image: &Image, p: usize, x: f64, y: f64) -> f64 {
     let (i, j) = (x.floor(), y.floor());
     let at = |i: f64, j: f64| {
@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn what_is_shown_is_taken_off_where_it_is() {
-        // A square of 4 px in the first frame; later twice as large, elsewhere, on a stripe that is not its own.
+        // A square of 4 px in the first frame; later twice as large, elsewhere, on a stripe that is not part of it.
         let paint = |side: usize, at: std::ops::Range<usize>, stripe: bool| {
             let white = |k: usize| at.contains(&(k % side)) && at.contains(&(k / side)) || stripe && k / side == 35;
             Image::new(side, side, 1, (0..side * side).map(|k| if white(k) { 200 } else { 0 }).collect())

@@ -1,8 +1,9 @@
-//! The best one-to-one assignment of few fits among many: one group of targets and detections that share fits after the other.
+//! The best one-to-one assignment of few fits among many: the targets and detections that share fits form groups, which are solved one by
+//! one.
 
 use crate::assignment;
 
-/// How well a detection fits a target, by their indices; above 0.
+/// The score, above 0, of a detection for a target, by their indices.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
     pub i: usize,
@@ -10,12 +11,12 @@ pub(super) struct Fit {
     pub score: f64,
 }
 
-/// As many targets times detections are assigned all at once; more in groups that share none.
+/// Largest product of targets and detections that is solved at once; above it, groups without shared fits are solved separately.
 const AT_ONCE: usize = 1 << 16;
-/// A group of more is assigned best fits first: an exact answer takes time by the cube of its size.
+/// Largest product of targets and detections in a group that is solved exactly, in cubic time; above it, the best fits are assigned first.
 const LARGEST: usize = 1 << 22;
 
-/// The detection of each target, where it has one, for the largest sum of scores.
+/// Returns the detection of each target, if it has one, with the largest sum of scores.
 pub(super) fn best(fits: &[Fit], rows: usize, columns: usize) -> Vec<Option<usize>> {
     let mut given = vec![None; rows];
     if rows.saturating_mul(columns) <= AT_ONCE {
@@ -44,7 +45,7 @@ pub(super) fn best(fits: &[Fit], rows: usize, columns: usize) -> Vec<Option<usiz
     given
 }
 
-/// Of these rows and columns, all fits among which are given.
+/// Solves the assignment of these rows and columns; `fits` are all fits among them.
 fn exact(fits: &[Fit], (rows, columns): (&[usize], &[usize]), given: &mut [Option<usize>]) {
     let mut scores = vec![0.0; rows.len() * columns.len()];
     let at = |all: &[usize], one: usize| all.binary_search(&one).expect("a member of its group");
@@ -68,7 +69,7 @@ fn greedy(mut fits: Vec<Fit>, given: &mut [Option<usize>]) {
     }
 }
 
-/// Disjoint sets, each with a member that stands for it.
+/// Disjoint sets, each with one representative member.
 struct Groups(Vec<usize>);
 
 impl Groups {
@@ -91,7 +92,7 @@ mod tests {
     use foveate_base::rng::Streams;
     use rand::RngExt;
 
-    /// 300 × 300 in groups of up to some ten, seed 1: the same as all at once, for the best is unique.
+    /// 300 × 300 in groups of up to about ten, seed 1: the result is that of one solution, because the best is unique.
     #[test]
     fn groups_have_the_assignment_of_all() {
         let mut rng = Streams::new(1, 0).rng(0);

@@ -1,4 +1,4 @@
-//! Track initiation: persistent unmatched detections become a target.
+//! Track initiation: persistent unmatched detections start a target.
 
 use super::edge;
 use super::groups::{Fit, best};
@@ -13,14 +13,14 @@ struct Candidate {
     bbox: BBox,
     /// Its first box.
     origin: BBox,
-    /// Pixels a frame.
+    /// Pixels per frame.
     velocity: (f64, f64),
     hits: usize,
     /// Sum of the ranks of its detections' scores.
     ranks: f64,
     first: usize,
     last: usize,
-    /// Number of its newest detection, in the frame of that.
+    /// Index of its newest detection, in the frame of that detection.
     #[serde(skip)]
     newest: usize,
 }
@@ -31,18 +31,18 @@ pub(super) struct TentativeTracks {
     candidates: Vec<Candidate>,
 }
 
-/// Least intersection over union of a detection with where a candidate is expected.
+/// Least IoU of a detection with the predicted box of a candidate.
 const LEAST_OVERLAP: f64 = 0.2;
-/// Detections a candidate may miss.
+/// Number of detections that a candidate may miss.
 const MOST_MISSED: usize = 2;
-/// Pixels by which the edges of what stands still may move.
+/// Motion of the edges of a static object's box that counts as jitter, pixels.
 const JITTER: f64 = 3.0;
-/// Share of the newest displacement in a candidate's velocity.
+/// Weight of the newest displacement in a candidate's velocity.
 const NEWEST: f64 = 0.5;
 
 impl TentativeTracks {
-    /// Takes the unmatched detections of a frame, whose scores are ranks, and gives what has become targets, each with the number of the
-    /// detection that it starts from.
+    /// Updates the candidates with the unmatched detections of a frame, whose scores are ranks. Returns those that become targets, each
+    /// with the index of the detection that it starts from.
     pub(super) fn grow(
         &mut self,
         frame: usize,
@@ -83,7 +83,7 @@ impl TentativeTracks {
         born
     }
 
-    /// Moves all candidates: `shift` says by how much, pixels, at a place.
+    /// Moves all candidates: `shift` returns the displacement at a place, pixels.
     pub(super) fn shift(&mut self, shift: &dyn Fn(f64, f64) -> (f64, f64)) {
         for c in &mut self.candidates {
             for b in [&mut c.bbox, &mut c.origin] {
@@ -94,13 +94,13 @@ impl TentativeTracks {
         }
     }
 
-    /// Adds where the candidates are expected in a frame.
+    /// Appends the predicted boxes of the candidates.
     pub(super) fn expect(&self, frame: usize, s: &Settings, out: &mut Vec<Expected>) {
         let place = |c: &Candidate| Expected { bbox: c.expected(frame), variance: (0.0, 0.0), guess: false };
         out.extend(self.candidates.iter().filter(|c| c.may_return(frame, s)).map(place));
     }
 
-    /// Says what is wrong with numbers that were saved before frame `next`.
+    /// Checks numbers that were saved before frame `next`.
     pub(super) fn check(&self, next: usize) -> Result<(), String> {
         match self.candidates.iter().find(|c| c.first > c.last || c.last > next || c.hits == 0 || c.hits > next + 1) {
             None => Ok(()),
@@ -111,22 +111,22 @@ impl TentativeTracks {
         }
     }
 
-    /// Forgets all candidates.
+    /// Removes all candidates.
     pub(super) fn clear(&mut self) {
         self.candidates.clear();
     }
 }
 
 impl Candidate {
-    /// What begins; its score is a mean rank.
+    /// Returns the detection that starts a target; its score is a mean rank.
     fn born(&self) -> Detection {
         Detection::new(self.bbox, self.rank())
     }
-    /// Mean rank of its detections' scores, 0 to 1.
+    /// Returns the mean rank of its detections' scores, 0 to 1.
     fn rank(&self) -> f64 {
         self.ranks / self.hits as f64
     }
-    /// Whether it has not missed too many detections.
+    /// Returns whether it has missed few enough detections to continue.
     fn may_return(&self, frame: usize, s: &Settings) -> bool {
         s.asked(frame - self.last) <= MOST_MISSED + 1
     }
@@ -134,7 +134,7 @@ impl Candidate {
         let frames = (frame - self.last) as f64;
         BBox { x: self.bbox.x + frames * self.velocity.0, y: self.bbox.y + frames * self.velocity.1, ..self.bbox }
     }
-    /// How far it moved since it was first seen in a picture of this size, in half boxes; 0 where that may be jitter.
+    /// Returns how far it moved since its first detection, in half boxes, in a picture of this size; 0 if that may be jitter.
     fn moved(&self, (width, height): (f64, f64)) -> f64 {
         let (a, b) = (&self.origin, &self.bbox);
         let (x, y) = (edge::moved((a.x, a.w), (b.x, b.w), width), edge::moved((a.y, a.h), (b.y, b.h), height));
@@ -169,7 +169,7 @@ mod tests {
     fn three_in_a_row_are_a_target_and_stray_ones_are_not() {
         let (mut tentative, s) = (TentativeTracks::default(), Settings::default());
         for frame in 0..40 {
-            // One moves on by 8 px a frame from frame 10 on and is missed in frame 12; others come and go.
+            // One candidate moves by 8 px a frame from frame 10 and is missed in frame 12; others come and go.
             let mut detections = vec![found(300.0 + 40.0 * (frame % 7) as f64)];
             if frame >= 10 && frame != 12 && frame <= 13 {
                 detections.push(found(8.0 * (frame - 10) as f64));
@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn candidates_move_with_the_camera() {
         let (mut tentative, s) = (TentativeTracks::default(), Settings::default());
-        // The camera turns by 100 px a frame, more than a box's width: what stands before it is found again.
+        // The camera turns by 100 px a frame, more than the width of a box: a static object is found again.
         for frame in 0..3 {
             tentative.shift(&|_, _| (100.0, 0.0));
             let born = tentative.grow(frame, &[found(100.0 * frame as f64)], (400.0, 300.0), &s);

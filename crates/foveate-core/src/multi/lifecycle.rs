@@ -1,4 +1,4 @@
-//! How tracks begin and end: initiation, re-identification, termination, and whether there is memory for another one.
+//! Initiation, re-identification and termination of tracks, and the memory limit on new ones.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -11,7 +11,7 @@ use crate::seen::Phase;
 use foveate_base::{Error, Result, memory};
 
 impl MultiTracker {
-    /// Fails where so many more targets in boxes like this one, in pictures of this size, take more memory than there may be.
+    /// Checks whether memory suffices for `more` targets in boxes like this one, in pictures of this size.
     ///
     /// # Errors
     /// [`foveate_base::Error::Memory`], with the number of targets and the bytes.
@@ -21,18 +21,20 @@ impl MultiTracker {
         memory::check(format_args!("{n} targets"), bytes.saturating_add(memory::of_picture(size.0, size.1)))
     }
 
-    /// Once this is set, from another thread, an update in progress ends with [`foveate_base::Error::Stopped`] as soon as the targets are
-    /// done that are looked at, and so do all after it: with thousands of targets a frame takes its time.
+    /// Returns a flag that another thread may set to stop the tracker. An update in progress then ends with
+    /// [`foveate_base::Error::Stopped`] as soon as the targets in work are done, and later updates return the same error. Use it with
+    /// thousands of targets, whose frames take long.
     pub fn stopper(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.pool.stop)
     }
 
-    /// Whether memory, or the largest id, ever kept a detection from starting a track: then there are more targets than are followed.
+    /// Returns whether the memory limit, or the largest id, has ever kept a detection from starting a track, so that some targets are not
+    /// followed.
     pub fn is_full(&self) -> bool {
         self.full
     }
 
-    /// Ends the track of the target with this id, for good: it is not re-identified later, and its id is not used again. Returns whether
+    /// Ends the track of the target with this id permanently: it is not re-identified later, and its id is not used again. Returns whether
     /// it was active.
     pub fn remove(&mut self, id: u64) -> bool {
         self.terminated.retain(|target| target.track.id != id);
@@ -60,7 +62,7 @@ impl MultiTracker {
         self.forget();
     }
 
-    /// Terminated targets are remembered for a while, and not too many.
+    /// Removes terminated targets that are too old or too many.
     pub(super) fn forget(&mut self) {
         let frame = self.frame;
         self.terminated.retain(|t| frame - t.terminated <= self.settings.reidentification.frames);
@@ -68,8 +70,8 @@ impl MultiTracker {
         self.terminated.drain(..excess);
     }
 
-    /// Persistent unmatched detections start new tracks, after a re-identification check against terminated ones.
-    /// Of `given`, the first `own` are the caller's.
+    /// Starts tracks from persistent unmatched detections, after a re-identification check against terminated targets. The first `own` of
+    /// `given` are the caller's.
     pub(super) fn initiate(&mut self, image: &Image, given: &[Detection], own: usize) {
         let (s, unknown) = (self.settings.initiation, self.settings.unknown_rank());
         let Work { detections, numbers, .. } = &mut self.work;
@@ -91,7 +93,7 @@ impl MultiTracker {
                     target.set_detection(Some(given[number]), Some(number).filter(|k| *k < own));
                     self.admit(target);
                 }
-                // The box was checked above: all that can be missing is room, or a number.
+                // The box was checked above: only memory or ids can run out.
                 None => match self.start(image, self.next_id, bbox) {
                     Ok(target) => target.set_detection(Some(given[number]), Some(number).filter(|k| *k < own)),
                     Err(_) => self.full = true,
@@ -101,7 +103,7 @@ impl MultiTracker {
         (self.work.detections, self.work.numbers) = (left, numbers);
     }
 
-    /// Whether active targets are where a track would start, from a detection whose score is a rank.
+    /// Returns whether active targets are already at the place of a detection whose score is a rank.
     fn is_taken(&self, Detection { bbox, score: rank, .. }: &Detection) -> bool {
         let s = &self.settings.initiation;
         if *rank >= s.strong {
@@ -112,7 +114,7 @@ impl MultiTracker {
         covered > s.covered || self.active.iter().any(|t| t.track.bbox.iou(bbox) > s.overlap)
     }
 
-    /// Takes the terminated target out of memory that a box is most similar to, if any is similar enough.
+    /// Returns the terminated target that is most similar to the box, if one is similar enough, and removes it from memory.
     fn reidentify(&mut self, image: &Image, bbox: &BBox) -> Option<Target> {
         let size = self.settings.size.ln();
         let mut best = (self.settings.reidentification.similarity, None);
@@ -159,7 +161,7 @@ mod tests {
     use crate::origin::Origin;
     use crate::scene::Preprocessor;
 
-    /// Every place of column 50 looks like each of its targets.
+    /// Creates a tracker in which every place of column 50 looks like each of its targets.
     fn targets(initiation: Initiation) -> MultiTracker {
         let make: Make = Box::new(|id| Engine::new(parts(Toy::at(50.0)), 1, id));
         let fresh: Fresh = Box::new(Preprocessor::default);
@@ -179,7 +181,7 @@ mod tests {
         assert!(!taken(80.0, 0.5), "nothing is there");
     }
 
-    /// Looks do not depend on size, so a child at the place of its mother would be her.
+    /// Similarity does not depend on size: without this rule a child at the place of its mother would be identified as her.
     #[test]
     fn a_terminated_target_of_another_size_is_not_identified() {
         for (side, found) in [(20.0, true), (28.0, true), (40.0, false), (10.0, false)] {

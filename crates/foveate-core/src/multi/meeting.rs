@@ -1,20 +1,20 @@
-//! Which boxes are in each other's way: all pairs.
+//! All pairs of boxes that overlap.
 
 use crate::geometry::{BBox, sharing_columns};
 
-/// Share of the smaller box that must be covered for two targets to be in each other's way.
+/// Fraction of the smaller box that the overlap must exceed.
 const MEETING: f64 = 0.1;
 
-/// Whether two boxes are in each other's way.
+/// Returns whether two boxes overlap.
 fn meet(a: &BBox, b: &BBox) -> bool {
     a.intersection(b) > MEETING * (a.w * a.h).min(b.w * b.h)
 }
 
-/// The most pairs of a frame. Of 1,400 boxes each over each all are found; beyond that, pairs further to the right are left out, so
-/// that neither time nor memory grow with the square of what a file may list.
+/// Maximum number of pairs in a frame. For 1,400 boxes on top of each other all pairs are found; beyond that, pairs further to the right
+/// are left out, so that time and memory do not grow with the square of the number of boxes in a file.
 const MOST: usize = 1 << 20;
 
-/// Pairs of boxes that meet, by index, in order.
+/// Pairs of overlapping boxes, by index, in order.
 #[derive(Default)]
 pub(super) struct Meetings {
     order: Vec<u32>,
@@ -36,12 +36,12 @@ impl Meetings {
         pairs.sort_unstable();
     }
 
-    /// The pairs, each with the smaller index first, in order.
+    /// Returns the pairs, each with the smaller index first, in order.
     pub(super) fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
         self.pairs.iter().map(|(i, j)| (*i as usize, *j as usize))
     }
 
-    /// Whether a box meets another.
+    /// Returns whether a box overlaps another.
     pub(super) fn meets(&self, i: usize) -> bool {
         self.meets[i]
     }
@@ -53,7 +53,7 @@ mod tests {
     use foveate_base::rng::Streams;
     use rand::RngExt;
 
-    /// 20 sets of 60 boxes, seed 1, against every pair tried.
+    /// 20 sets of 60 boxes, seed 1, against brute force.
     #[test]
     fn all_pairs_are_found() {
         let mut meetings = Meetings::default();

@@ -1,33 +1,33 @@
-//! Who hides whom: which of two targets that overlap is in front, and what is left to be seen of the other.
+//! The depth order of overlapping targets, and the visible fraction of each.
 
 use super::meeting::Meetings;
 use super::settings::Occlusion;
 use crate::geometry::BBox;
 
-/// A target, as far as hiding goes.
+/// The properties of a target that determine occlusion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Body {
     pub id: u64,
-    /// Where it is expected.
+    /// Its predicted box.
     pub bbox: BBox,
-    /// How much what is there looks like it, 0 to 1.
+    /// Similarity of the picture there to the target, 0 to 1.
     pub similarity: f64,
 }
 
-/// Cells along each side of a box, to measure what is covered.
+/// Cells along each side of a box, to measure occlusion.
 const CELLS: usize = 10;
 
-/// Who is in front of whom: pairs (front, behind), of this frame and of the one before.
+/// The depth order: pairs (front, behind), of this frame and of the one before.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Fronts {
     pub now: Vec<(u64, u64)>,
     before: Vec<(u64, u64)>,
-    /// The same by index, (behind, front), while a frame is judged.
+    /// The pairs of this frame by index, (behind, front).
     #[serde(skip)]
     covers: Vec<(usize, usize)>,
 }
 
-/// Fills the share of each body that is in view, 0 to 1. Bodies are in the order of `meetings`.
+/// Computes the visible fraction of each body, 0 to 1. Bodies are in the order of `meetings`.
 pub(super) fn visible(bodies: &[Body], meetings: &Meetings, s: &Occlusion, fronts: &mut Fronts, out: &mut Vec<f64>) {
     std::mem::swap(&mut fronts.now, &mut fronts.before);
     let Fronts { now: fronts, before, covers } = fronts;
@@ -61,7 +61,7 @@ fn holds(b: &BBox, x: f64, y: f64) -> bool {
     (b.x..b.x + b.w).contains(&x) && (b.y..b.y + b.h).contains(&y)
 }
 
-/// The share of a box's cells whose middle is not covered.
+/// Returns the fraction of a box's cells whose centre is not covered.
 fn share(b: &BBox, covered: &dyn Fn(f64, f64) -> bool) -> f64 {
     let at = |k: usize, from: f64, side: f64| from + (k as f64 + 0.5) / CELLS as f64 * side;
     let cells = (0..CELLS * CELLS).filter(|k| !covered(at(k % CELLS, b.x, b.w), at(k / CELLS, b.y, b.h)));
@@ -89,7 +89,7 @@ mod tests {
         let flat = Occlusion { ground: 0.0, ..ground };
         let far = [body(1, 0.0, 0.0, 0.5), body(2, 50.0, 0.0, 0.5)];
         assert_eq!(shares(&far, &ground, &mut Fronts::default()), [1.0, 1.0]);
-        // The second stands 8 px lower, over half of the first's width and 0.8 of its height.
+        // The second box is 8 px lower and covers half of the first's width and 0.8 of its height.
         let near = [body(1, 0.0, 0.0, 0.6), body(2, 10.0, 8.0, 0.5)];
         assert_eq!(shares(&near, &ground, &mut Fronts::default()), [1.0 - 0.5 * 0.8, 1.0]);
         assert_eq!(shares(&near, &flat, &mut Fronts::default()), [1.0, 1.0 - 0.5 * 0.8]);

@@ -1,4 +1,4 @@
-//! Which detection belongs to which target: overlap, motion and looks, one to one.
+//! Assignment of detections to targets, one to one, by overlap, motion and appearance.
 
 use super::groups::{Fit, best};
 use super::settings::Settings;
@@ -6,33 +6,33 @@ use crate::engine::Claim;
 use crate::geometry::BBox;
 use crate::scene::Detection;
 
-/// Where a target is expected in this frame.
+/// The prediction of a target in this frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Expected {
     pub bbox: BBox,
-    /// Variance of its centre, pixels², along x and y.
+    /// Variance of its centre along x and y, pixels².
     pub variance: (f64, f64),
-    /// Whether it was not seen lately: its place is a guess.
+    /// Whether it has had no detection lately, so that its box is a guess.
     pub guess: bool,
 }
 
 impl Expected {
-    /// The density of its place, no sharper than boxes are laid.
+    /// Returns the density of its place, no sharper than the accuracy of boxes.
     pub(super) fn claim(&self) -> Claim {
         let BBox { w, h, .. } = self.bbox;
         Claim { centre: self.bbox.centre(), variance: (off(self.variance.0, w), off(self.variance.1, h)) }
     }
 }
 
-/// A variance of place, with that of boxes along a side.
+/// Adds the variance of box centres along a side to a variance of place.
 fn off(variance: f64, side: f64) -> f64 {
     variance + (OFF * side / 2.0).powi(2)
 }
 
-/// Share of its half box, at least, that a detector's centre is off by.
+/// Standard deviation of a detector's centre, as a fraction of half the box.
 const OFF: f64 = 0.25;
 
-/// A detection that may be a target's: how well it fits by place alone, 0 to 1; `None` beyond the gate.
+/// Returns the score of a detection for a target by place alone, 0 to 1; `None` beyond the gate.
 pub(super) fn by_place(expected: &Expected, detection: &BBox, s: &Settings) -> Option<f64> {
     let BBox { w, h, .. } = expected.bbox;
     let ((x, y), (cx, cy)) = (detection.centre(), expected.bbox.centre());
@@ -45,13 +45,13 @@ pub(super) fn by_place(expected: &Expected, detection: &BBox, s: &Settings) -> O
     Some((expected.bbox.iou(detection) + (-mahalanobis / 2.0).exp()) / 2.0)
 }
 
-/// Whether a detection is a box at all.
+/// Returns whether a detection is a valid box.
 pub(super) fn is_box(b: &BBox) -> bool {
     let sane = |side: f64| (1.0..=1e6).contains(&side);
     b.x.abs() <= 1e6 && b.y.abs() <= 1e6 && sane(b.w) && sane(b.h)
 }
 
-/// Whether a detection is several targets in one box: it holds most of each of two or more, and is larger than either.
+/// Returns whether a detection merges several targets into one box: it contains most of each of two or more, and is larger than each.
 pub(super) fn holds_several(detection: &BBox, expected: &[Expected]) -> bool {
     let area = |b: &BBox| b.w * b.h;
     let held = |e: &&Expected| {
@@ -60,16 +60,15 @@ pub(super) fn holds_several(detection: &BBox, expected: &[Expected]) -> bool {
     expected.iter().filter(held).count() > 1
 }
 
-/// Share of a target's box that counts as most of it, and how much larger a box of several is.
+/// Fraction of a target's box that counts as most of it, and least ratio of the areas of a merged box and a target's box.
 const MOST: f64 = 0.6;
 const LARGER: f64 = 1.4;
 
-/// Which detections go to which targets in each stage: (a guess, weak).
+/// The targets and detections of each stage: (guess, weak).
 const STAGES: [(bool, bool); 3] = [(false, false), (true, false), (false, true)];
 
-/// The detection of each target, by index; `None` where it has none. Targets that were seen lately take strong detections
-/// first; then those whose places are guesses do (the cascade of DeepSORT); weak detections are left to the former (the second
-/// stage of ByteTrack).
+/// Returns the detection of each target, by index; `None` if it has none. Targets that were detected lately take strong detections first,
+/// then targets whose boxes are guesses (the cascade of DeepSORT); weak detections are left to the former (the second stage of ByteTrack).
 pub(super) fn in_stages(
     expected: &[Expected],
     detections: &[Detection],
@@ -96,9 +95,8 @@ pub(super) fn in_stages(
     given
 }
 
-/// The detection of each target, by index; `None` where it has none. Targets whose only detection no other target claims take
-/// it; where several want the same, `similarity(target, detection)`, 0 to 1, helps to decide,
-/// where the target's looks are known.
+/// Returns the detection of each target, by index; `None` if it has none. A target takes its only detection if no other target claims it.
+/// If several claim the same, `similarity(target, detection)`, 0 to 1, adds to the score if it is available.
 fn pairs(
     expected: &[Expected],
     detections: &[Detection],
@@ -122,7 +120,7 @@ fn pairs(
     best(&fits, rows, columns)
 }
 
-/// Keeps those detections, and their numbers, for which `keep` holds, of place and detection.
+/// Keeps the detections, and their indices, for which `keep` holds for index and detection.
 pub(super) fn retain_both(
     detections: &mut Vec<Detection>,
     numbers: &mut Vec<usize>,
@@ -176,10 +174,10 @@ mod tests {
         let scored = |x: f64, score: f64| Detection { score, ..found(x) };
         let mut stages =
             |targets: &[Expected], found: &[Detection]| in_stages(targets, found, &|d| d.score < 0.5, &s, &mut unknown);
-        // The guess is nearer, but the other was seen lately; alone, the guess takes it.
+        // The guess is nearer, but the other was detected lately; alone, the guess takes the detection.
         assert_eq!(stages(&[guess(0.0), expected(4.0)], &[scored(1.0, 1.0)]), [None, Some(0)]);
         assert_eq!(stages(&[guess(0.0)], &[scored(1.0, 1.0)]), [Some(0)]);
-        // A strong one is taken before a nearer weak one, which no guess may have.
+        // A strong detection is taken before a nearer weak one, which no guess may take.
         assert_eq!(stages(&[expected(0.0)], &[scored(0.0, 0.1), scored(4.0, 0.9)]), [Some(1)]);
         assert_eq!(stages(&[expected(0.0)], &[scored(0.0, 0.1)]), [Some(0)]);
         assert_eq!(stages(&[guess(0.0)], &[scored(0.0, 0.1)]), [None]);
@@ -188,7 +186,7 @@ mod tests {
     #[test]
     fn looks_decide_between_near_ones() {
         let s = Settings { looks: 0.8, ..Settings::default() };
-        // By place the first is nearer to the first; by looks they have changed sides.
+        // By place the first is nearer to the first; by appearance they have swapped places.
         let mut similarity = |i: usize, j: usize| Some(if i == j { 0.1 } else { 0.9 });
         assert_eq!(
             pairs(&[expected(0.0), expected(6.0)], &[found(2.0), found(4.0)], &s, &mut similarity),

@@ -1,11 +1,11 @@
-//! Room to look in, shared by all targets: as many rooms as threads, not as many as targets.
+//! Scratch buffers, shared by all targets: as many as there are threads, not targets.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::engine::Buffers;
 
-/// Rooms that nobody looks in, and whether looking is to stop.
+/// The free buffers, and the flag that stops the tracker.
 #[derive(Default)]
 pub(super) struct Pool {
     free: Mutex<Vec<Buffers>>,
@@ -13,7 +13,7 @@ pub(super) struct Pool {
 }
 
 impl Pool {
-    /// A room, and to give it back.
+    /// Takes buffers out of the pool; `put` returns them.
     pub(super) fn take(&self) -> Buffers {
         self.free().pop().unwrap_or_default()
     }
@@ -23,7 +23,7 @@ impl Pool {
     fn free(&self) -> MutexGuard<'_, Vec<Buffers>> {
         self.free.lock().unwrap_or_else(PoisonError::into_inner)
     }
-    /// Whether somebody asked to stop: then what is done in this frame is of no more use.
+    /// Returns whether another thread has stopped the tracker: the rest of this frame is then skipped.
     pub(super) fn stops(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }

@@ -1,23 +1,23 @@
-//! How sure a detector is, on no scale of its own: the rank of a score among those seen so far.
+//! The confidence of a detector, independent of its scale: the rank of a score among recent scores.
 //!
-//! Detectors give probabilities, log odds, or sums of votes. The share of the recent scores that are not above a score is
-//! the same for all of them. A detector that gives no score, or always the same, ranks nothing.
+//! Detectors report probabilities, log odds, or sums of votes. The fraction of the recent scores that are not above a score is comparable
+//! among all of them. Without scores, or with equal ones, there is no rank.
 
 use crate::scene::Detection;
 
-/// Scores that are remembered, the most recent ones.
+/// Number of recent scores that are remembered.
 const REMEMBERED: usize = 1000;
 
-/// The scores of the detections seen lately.
+/// The scores of recent detections.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Ranks {
     scores: Vec<f64>,
-    /// Where the next score goes once there are as many as are remembered.
+    /// The index of the next score once the buffer is full.
     next: usize,
 }
 
 impl Ranks {
-    /// Remembers the scores of a frame; those that are not finite do not count.
+    /// Adds the scores of a frame; scores that are not finite are ignored.
     pub(super) fn look(&mut self, detections: &[Detection]) {
         for score in detections.iter().map(|d| d.score).filter(|score| score.is_finite()) {
             if self.scores.len() < REMEMBERED {
@@ -30,7 +30,7 @@ impl Ranks {
         }
     }
 
-    /// The share of the remembered scores that are not above this one, 0 to 1; `None` where it is no score, or all of them are the same.
+    /// Returns the fraction of the remembered scores that are not above this one, 0 to 1; `None` if it is not a score, or all are equal.
     pub(super) fn of(&self, score: f64) -> Option<f64> {
         let first = *self.scores.first()?;
         if !score.is_finite() || self.scores.iter().all(|s| *s == first) {
@@ -56,7 +56,7 @@ mod tests {
         ranks.look(&[scored(5.0), scored(f64::NAN), scored(-1.0), scored(7.0), scored(5.0)]);
         assert_eq!([-2.0, -1.0, 5.0, 6.0, 9.0].map(|s| ranks.of(s)), [0.0, 0.25, 0.75, 0.75, 1.0].map(Some));
         assert_eq!(ranks.of(f64::NAN), None);
-        // The oldest are forgotten: 1000 times the same.
+        // The oldest scores are dropped: 1000 times the same.
         (0..REMEMBERED).for_each(|_| ranks.look(&[scored(2.0)]));
         assert_eq!((ranks.of(2.0), ranks.of(1.9)), (None, None), "always the same is no score");
     }

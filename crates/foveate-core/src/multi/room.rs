@@ -1,20 +1,20 @@
-//! What targets take of the memory that the process may take.
+//! The memory estimate of targets.
 
 use crate::geometry::BBox;
 
-/// Bytes that targets take, about.
+/// Approximate bytes per target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Room {
-    /// What a target keeps between frames, beside its template.
+    /// Bytes that a target keeps between frames, beside its template.
     pub kept: u64,
-    /// What looking at one needs, in each thread.
+    /// Bytes that a look needs, in each thread.
     pub look: u64,
-    /// How far the template reaches, in boxes, from the middle to each side.
+    /// Extent of the template from its centre to each side, in boxes.
     pub reach: f64,
 }
 
 impl Room {
-    /// What `n` targets and another one in this box take, with those threads that look, in pictures of three planes.
+    /// Returns the bytes of `n` targets and another one in this box, with the buffers of all threads, in pictures of three planes.
     pub(crate) fn with(&self, n: usize, bbox: &BBox, size: (usize, usize)) -> u64 {
         let area = 3.0 * bbox.w * bbox.h * (self.reach * self.reach);
         let template = (area as u64).min(3u64.saturating_mul(size.0 as u64).saturating_mul(size.1 as u64));

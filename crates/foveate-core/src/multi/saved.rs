@@ -1,4 +1,4 @@
-//! The state of many targets in mid-video, to go on from bit for bit.
+//! The state of many targets in mid-video, from which tracking resumes bit for bit.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -14,7 +14,7 @@ use crate::origin::Origin;
 use crate::seen::{Phase, Seen};
 use foveate_base::{Error, Result, memory};
 
-/// Frames that a video may have had before: at 1000 a second, 24 days.
+/// Maximum number of frames of a video: 24 days at 1000 a second.
 pub(super) const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
@@ -29,7 +29,7 @@ struct Saved {
     fronts: Fronts,
     tentative: TentativeTracks,
     ranks: Ranks,
-    /// The number of the next picture, and the size of all.
+    /// The number of the next picture, and the size of all pictures.
     next: usize,
     size: Option<(usize, usize)>,
     active: Vec<SavedTarget>,
@@ -108,7 +108,7 @@ impl std::fmt::Debug for MultiTracker {
 }
 
 impl MultiTracker {
-    /// Everything there is to go on from with [`MultiTracker::load`].
+    /// Returns the whole state, from which [`MultiTracker::load`] resumes.
     pub fn save(&self) -> Value {
         let targets = |targets: &[Target]| targets.iter().map(SavedTarget::of).collect();
         let saved = Saved {
@@ -127,14 +127,14 @@ impl MultiTracker {
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave, in a tracker of the same configuration and seed. Nothing changes where it fails.
+    /// Restores a state that `save` returned, in a tracker of the same configuration and seed. Nothing changes on an error.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where these are not saved targets, are of another version, or were saved with another configuration or seed: the
+    /// [`Error::Invalid`] if these are not saved targets, are of another version, or were saved with another configuration or seed: the
     /// error names the settings that differ.
     pub fn load(&mut self, saved: &Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved targets cannot be used: {what}"));
-        // First of all: targets of another format have other fields.
+        // Check the format first: targets of another format have other fields.
         if let Some(format) = saved["format"].as_u64().filter(|format| *format != u64::from(FORMAT)) {
             return Err(bad(format!("their format is {format}, this program writes and reads {FORMAT}")));
         }
@@ -162,7 +162,7 @@ impl MultiTracker {
 }
 
 impl Saved {
-    /// Frame numbers are counted, so that none is after the present one. Says what is wrong.
+    /// Checks that no saved frame number is after the present one.
     fn check_frames(&self) -> std::result::Result<(), String> {
         let next = self.next;
         if next > MOST_FRAMES {

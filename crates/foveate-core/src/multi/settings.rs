@@ -43,7 +43,7 @@ pub struct Settings {
     pub occlusion: Occlusion,
 }
 
-/// A target begins where detections follow each other.
+/// A target starts from consecutive detections.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Initiation {
@@ -93,7 +93,7 @@ pub struct Reidentification {
     pub similarity: f64,
 }
 
-/// Targets that overlap hide each other.
+/// Overlapping targets occlude each other.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Occlusion {
@@ -167,24 +167,27 @@ impl Default for Occlusion {
 }
 
 impl Settings {
-    /// Of so many frames, those in which the detector was asked.
+    /// Returns how many of these frames run the detector.
     pub(super) fn asked(&self, frames: usize) -> usize {
         frames / self.every
     }
 
-    /// The rank of a detection without a score: strong enough to be assigned and to start a track, not strong enough to start one
+    /// Returns the rank of a detection without a score: high enough to be assigned and to start a track, not high enough to start one
     /// beside another target.
     pub(super) fn unknown_rank(&self) -> f64 {
         let least = self.initiation.rank.max(self.weak);
         0.5 * (least + self.initiation.strong.min(1.0).max(least))
     }
 
-    /// Whether a box counts as a guess after so many frames without a detection.
+    /// Returns whether a box counts as a guess after this number of frames without a detection.
     pub(super) fn guesses(&self, unseen: usize) -> bool {
         self.asked(unseen) > self.termination.guess
     }
 
-    /// Fails where a number is out of range, naming it.
+    /// Checks all settings.
+    ///
+    /// # Errors
+    /// If a number is out of range; the error names it.
     pub fn check(&self) -> Result<()> {
         let Self { attention, initiation, termination, reidentification, occlusion, .. } = self;
         for (name, value, least, most) in [

@@ -1,4 +1,4 @@
-//! One target among several: its filter, its detection, the shape of its box.
+//! One target of several: its filter, its detection, and the shape of its box.
 
 use super::attention::Candidate;
 use super::edge;
@@ -12,44 +12,44 @@ use crate::seen::{Phase, Seen};
 /// Weight of the newest look in the mean surprise.
 const NEWEST: f64 = 0.3;
 
-/// Frames in a row that another target hides it, after which its box is a guess: no occlusion that passes takes much longer.
+/// Consecutive frames behind another target after which the box is a guess: a passing occlusion seldom lasts longer.
 const LONGEST_HIDDEN: usize = 30;
 
-/// [`Target::shape`] is from minus this to this.
+/// Bound on the absolute value of [`Target::shape`].
 pub(super) const SHAPE: f64 = 20.0;
 
 /// One target.
 pub(super) struct Target {
     pub engine: Engine,
     pub track: Seen<'static>,
-    /// Frames in a row it was lost, and without a detection.
+    /// Consecutive frames as lost, and without a detection.
     pub lost: usize,
     pub unseen: usize,
-    /// Frames in a row another target hid it, or may have been what was seen in its place.
+    /// Consecutive frames in which another target occluded it or may have been mistaken for it.
     pub hidden: usize,
     pub terminated: usize,
-    /// Logarithm of its box's width over height, less that of its template's.
+    /// Logarithm of the aspect ratio (width over height) of its box, less that of its template.
     pub shape: f64,
-    /// Whether it is looked at in this frame, and how far looks moved its estimate a frame, template units, on average.
+    /// Whether it is updated in this frame, and the mean distance by which a look moves its estimate, per frame, template units.
     pub looked_at: bool,
     pub surprise: f64,
-    /// How much what is there looks like it, 0 to 1, where another is in its way.
+    /// Similarity of the picture at its place to it, 0 to 1, if it overlaps another target.
     pub similarity: f64,
 }
 
 impl Target {
-    /// The data of a target of which only the id is known.
+    /// Returns the data of a target of which only the id is known.
     pub(super) fn unknown(id: u64) -> Seen<'static> {
         Seen { id, ..Seen::given([1; 3], &BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 }) }
     }
 
-    /// Sets the detection of this frame, and its place among those of the caller.
+    /// Sets the detection of this frame, and its index among those of the caller.
     pub(super) fn set_detection(&mut self, detection: Option<Detection>, index: Option<usize>) {
         (self.track.detection, self.track.detection_index) = (detection, index);
         self.track.detected_class = detection.and_then(|d| d.class).or(self.track.detected_class);
     }
 
-    /// As yet without a box.
+    /// Creates a target without a box.
     pub(super) fn new(engine: Engine, track: Seen<'static>) -> Self {
         Self {
             engine,
@@ -65,42 +65,42 @@ impl Target {
         }
     }
 
-    /// The values that the order of attention depends on.
+    /// Returns the values from which its priority follows.
     pub(super) fn candidate(&self) -> Candidate {
         Candidate { waited: self.track.waited, surprise: self.surprise }
     }
 
-    /// Where it is expected in the next frame.
+    /// Returns its predicted state in the next frame.
     pub(super) fn next(&self) -> State {
         let s = self.track.state;
         State { x: s.x + s.vx, y: s.y + s.vy, ..s }
     }
 
-    /// Looks at a picture, in a room of the pool. What was there before does not count.
+    /// Runs `look` with buffers of the pool, whose contents do not matter.
     pub(super) fn looking<T>(&mut self, pool: &Pool, look: impl FnOnce(&mut Self) -> T) -> T {
         let mut room = pool.take();
         self.engine.exchange(&mut room);
         let seen = look(self);
-        // First, so that what it frees is left in the room.
+        // Compact before the exchange, so that the freed memory stays in the pool.
         self.engine.compact();
         self.engine.exchange(&mut room);
         pool.put(room);
         seen
     }
 
-    /// How much what is there looks like it, 0 to 1.
+    /// Returns the similarity of the picture at the predicted place to the target, 0 to 1.
     pub(super) fn similarity_ahead(&mut self, image: &Image, pool: &Pool) -> f64 {
         let next = self.next();
         self.looking(pool, |target| target.engine.similarity(image, &next))
     }
 
-    /// The same box in the target's present shape.
+    /// Returns the same box in the target's present shape.
     pub(super) fn shaped(&self, b: BBox) -> BBox {
         let ((x, y), wider) = (b.centre(), (self.shape / 2.0).exp());
         BBox::around(x, y, b.w * wider, b.h / wider)
     }
 
-    /// A box that was given, or found.
+    /// Starts the target at a box that was given or detected.
     pub(super) fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
         let extent = self.engine.extent().expect("it was started");
         let state = self.engine.state_at(&bbox);
@@ -122,7 +122,7 @@ impl Target {
         let (gaze, bbox, p_lost) = (step.gaze, step.bbox, step.p_lost);
         let lost = self.engine.is_searching() && detections.is_empty();
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
-        // While another is in its way, looks cannot show that it is gone; it counts as lost once an occlusion has lasted too long.
+        // Looks cannot show a loss while another target overlaps it; a guess is declared once the occlusion has lasted too long.
         self.lost = if lost { self.lost + usize::from(!self.engine.meets_another()) } else { 0 };
         let visible = self.track.visible;
         let hidden = visible < s.occlusion.hidden || (visible < 1.0 && self.engine.is_contested());
@@ -154,7 +154,7 @@ impl Target {
         }
     }
 
-    /// A frame without a look: it is where it was expected, or where its detection says.
+    /// Runs a frame without a look: the prediction and the detection determine the box.
     fn coast(&mut self, image: &Image, s: &Settings, detecting: bool) {
         let detections = self.track.detection.as_slice();
         let (state, covariance) = self.engine.coast(Scene { image, detections });
@@ -170,7 +170,7 @@ impl Target {
         self.track.bbox = self.shaped(state.bbox(self.track.extent));
     }
 
-    /// Takes a new template where it is, in its present shape; the old one stays where the box is no good.
+    /// Takes a new template at its present box; keeps the old one if the box is invalid.
     fn update_template(&mut self, image: &Image) {
         let State { vx, vy, .. } = self.track.state;
         if self.engine.update_template(image, &self.track.bbox, (vx, vy)).is_ok() {
@@ -180,12 +180,12 @@ impl Target {
     }
 }
 
-/// The shape of a box, against that of a template.
+/// Returns the shape of a box relative to that of a template.
 fn shape(b: &BBox, extent: Extent) -> f64 {
     (b.w / b.h / extent.half_w * extent.half_h).ln().clamp(-SHAPE, SHAPE)
 }
 
-/// The longer half of a target's box, pixels.
+/// Returns the longer half of a target's box, pixels.
 fn longer_half(state: &State, extent: Extent) -> f64 {
     state.log_scale.exp() * extent.half_w.max(extent.half_h)
 }
@@ -198,7 +198,7 @@ mod tests {
     use super::*;
     use crate::engine::toy::{Toy, parts, picture, started, target};
 
-    /// A target at column 50 whose looks say that it is at column `at`, and how often it was given a template.
+    /// Returns a target at column 50 whose likelihood has its maximum at column `at`, and the number of templates that it has received.
     fn given(at: f64) -> (Target, Arc<AtomicUsize>) {
         let toy = Toy::at(at);
         let templates = toy.templates.clone();
@@ -207,7 +207,7 @@ mod tests {
         (it, templates)
     }
 
-    /// A target that waited for four frames was moved by five frames of motion.
+    /// After four frames of waiting, the displacement is that of five frames.
     #[test]
     fn surprise_is_counted_for_each_frame_of_waiting() {
         let surprise = |waited: usize| {
@@ -220,7 +220,7 @@ mod tests {
         assert!(surprise(0) > 0.0 && (surprise(0) / surprise(4) - 5.0).abs() < 1e-9, "{} {}", surprise(0), surprise(4));
     }
 
-    /// While another target covers a part of it, that part would become its template.
+    /// A template that is taken while another target covers a part of it would contain that part.
     #[test]
     fn a_template_is_not_renewed_while_the_target_is_covered() {
         for (visible, renews) in [(1.0, true), (0.9, false)] {
