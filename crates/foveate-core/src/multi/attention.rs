@@ -25,10 +25,10 @@ pub struct Attention {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Priority {
-    /// Who has waited longest.
+    /// The longest time since the last look first.
     #[default]
     RoundRobin,
-    /// Whom looks surprised most.
+    /// The largest expected motion by a look first.
     Surprise,
 }
 
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn priorities_are_what_they_say() {
+    fn priorities_order_the_targets() {
         let candidate = |waited, surprise| Candidate { waited, surprise };
         let all = [candidate(3, 0.5), candidate(1, 0.1), candidate(2, 0.9)];
         for (policy, expected) in [(Priority::RoundRobin, [0, 2, 1]), (Priority::Surprise, [2, 0, 1])] {

@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_grows_at_the_edge_comes_in() {
+    fn a_growing_box_at_the_edge_is_entering() {
         let image = Image::new(100, 80, 1, vec![0; 8000]).expect("bytes");
         let bbox = |x: f64, w: f64| BBox { x, y: 20.0, w, h: 40.0 };
         assert!(comes_in(&bbox(0.0, 10.0), &bbox(0.0, 14.0), &image, 0.5));
@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interval_moves_with_both_ends_or_comes_in() {
+    fn an_interval_moves_by_its_smaller_motion_or_enters() {
         assert_eq!(moved((10.0, 20.0), (13.0, 22.0), 100.0), 3.0);
         assert_eq!(moved((10.0, 20.0), (7.0, 26.0), 100.0), 0.0, "it grows");
         assert_eq!(moved((0.0, 20.0), (0.0, 26.0), 100.0), 6.0, "it comes in");

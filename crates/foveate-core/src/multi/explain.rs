@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_shown_is_taken_off_where_it_is() {
+    fn a_template_is_subtracted_at_its_place() {
         // A square of 4 px in the first frame; later twice as large, elsewhere, on a stripe that is not part of it.
         let paint = |side: usize, at: std::ops::Range<usize>, stripe: bool| {
             let white = |k: usize| at.contains(&(k % side)) && at.contains(&(k / side)) || stripe && k / side == 35;

@@ -94,7 +94,7 @@ mod tests {
 
     /// 300 × 300 in groups of up to about ten, seed 1: the result is that of one solution, because the best is unique.
     #[test]
-    fn groups_have_the_assignment_of_all() {
+    fn groups_give_the_assignment_of_one_solution() {
         let mut rng = Streams::new(1, 0).rng(0);
         let fits: Vec<Fit> = (0..300)
             .flat_map(|i| (0..300).map(move |j| (i, j)))

@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn three_in_a_row_are_a_target_and_stray_ones_are_not() {
+    fn three_detections_start_a_target_and_stray_ones_do_not() {
         let (mut tentative, s) = (TentativeTracks::default(), Settings::default());
         for frame in 0..40 {
             // One candidate moves by 8 px a frame from frame 10 and is missed in frame 12; others come and go.
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_in_which_the_detector_is_not_asked_do_not_count() {
+    fn frames_without_the_detector_do_not_count() {
         let s = Settings { every: 5, ..Settings::default() };
         let born = |s: &Settings| {
             let mut tentative = TentativeTracks::default();
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weak_one_waits_for_stronger_ones() {
+    fn a_weak_candidate_waits_for_stronger_detections() {
         let (mut tentative, s) = (TentativeTracks::default(), with(Initiation { rank: 0.5, ..Initiation::default() }));
         // Ranks 0.2, 0.2, 0.5, 0.9, 0.9: their mean is 0.54 with the fifth.
         for (frame, rank) in [0.2, 0.2, 0.5, 0.9, 0.9].into_iter().enumerate() {
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_still_is_not_born_and_what_comes_in_is() {
+    fn only_moving_candidates_become_targets() {
         let s = with(Initiation { moved: 0.1, ..Initiation::default() });
         let (mut tentative, mut born) = (TentativeTracks::default(), vec![]);
         for frame in 0..30 {

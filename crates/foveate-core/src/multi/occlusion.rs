@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lower_one_or_the_likelier_one_is_in_front() {
+    fn the_lower_or_more_similar_target_is_in_front() {
         let ground = Occlusion::default();
         let flat = Occlusion { ground: 0.0, ..ground };
         let far = [body(1, 0.0, 0.0, 0.5), body(2, 50.0, 0.0, 0.5)];
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn order_is_kept_unless_looks_are_clearly_against_it() {
+    fn the_depth_order_changes_only_on_clear_evidence() {
         let flat = Occlusion { ground: 0.0, ..Occlusion::default() };
         let mut fronts = Fronts { now: vec![(1, 2)], ..Fronts::default() };
         let slight = [body(1, 0.0, 0.0, 0.5), body(2, 10.0, 0.0, 0.6)];

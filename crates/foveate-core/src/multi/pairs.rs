@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn near_ones_belong_together_and_far_ones_to_nobody() {
+    fn near_detections_are_assigned_and_far_ones_are_not() {
         let s = Settings::default();
         let mut never = |_: usize, _: usize| -> Option<f64> { panic!("nothing is contested") };
         let given =
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn those_seen_lately_choose_first_and_weak_ones_come_last() {
+    fn detected_targets_come_first_and_weak_detections_last() {
         let s = Settings::default();
         let mut unknown = |_: usize, _: usize| None;
         let guess = |x: f64| Expected { guess: true, ..expected(x) };
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn looks_decide_between_near_ones() {
+    fn appearance_decides_between_near_targets() {
         let s = Settings { looks: 0.8, ..Settings::default() };
         // By place the first is nearer to the first; by appearance they have swapped places.
         let mut similarity = |i: usize, j: usize| Some(if i == j { 0.1 } else { 0.9 });

@@ -50,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rank_is_the_share_that_is_not_above() {
+    fn a_rank_is_the_fraction_of_scores_not_above() {
         let mut ranks = Ranks::default();
         assert_eq!(ranks.of(-3.0), None);
         ranks.look(&[scored(5.0), scored(f64::NAN), scored(-1.0), scored(7.0), scored(5.0)]);

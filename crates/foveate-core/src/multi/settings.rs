@@ -31,15 +31,15 @@ pub struct Settings {
     /// Whether the detector may merge targets into one box, as motion does. A box that holds most of two or more
     /// targets is then assigned to none.
     pub merges: bool,
-    /// Whom to look at, where looks are few.
+    /// The targets that are updated if there are too many for every frame.
     pub attention: Attention,
-    /// How targets begin.
+    /// Initiation of targets.
     pub initiation: Initiation,
-    /// How they end.
+    /// Termination of targets.
     pub termination: Termination,
-    /// How they are re-identified.
+    /// Re-identification of terminated targets.
     pub reidentification: Reidentification,
-    /// How they occlude each other.
+    /// Occlusion of targets by each other.
     pub occlusion: Occlusion,
 }
 

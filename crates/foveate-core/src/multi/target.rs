@@ -209,7 +209,7 @@ mod tests {
 
     /// After four frames of waiting, the displacement is that of five frames.
     #[test]
-    fn surprise_is_counted_for_each_frame_of_waiting() {
+    fn surprise_is_per_frame_of_waiting() {
         let surprise = |waited: usize| {
             let mut it = given(50.0).0;
             it.track.waited = waited;
@@ -222,7 +222,7 @@ mod tests {
 
     /// A template that is taken while another target covers a part of it would contain that part.
     #[test]
-    fn a_template_is_not_renewed_while_the_target_is_covered() {
+    fn an_occluded_target_keeps_its_template() {
         for (visible, renews) in [(1.0, true), (0.9, false)] {
             let (mut it, templates) = given(90.0);
             for _ in 0..10 {
