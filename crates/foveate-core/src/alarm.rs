@@ -1,9 +1,9 @@
-//! Identity helps location: a class that is no longer seen is a sign of loss.
+//! The class of the target as evidence of loss: a class that is no longer recognised indicates a loss.
 //!
-//! b(c) ∝ exp Σₜ log pₜ(c), over the frames that were confident, is who the target is. Each frame's own decision at the
-//! estimate should agree with it: aₜ = Σ_c b(c) pₜ(c). How far aₜ falls short of what is usual on this target, smoothed over
-//! frames, is deficit beside that of the evidence: a tracker that sits on a look-alike of another class is lost, however well
-//! that fits. While the class is not known there is no such deficit.
+//! b(c) ∝ exp Σₜ log pₜ(c), over the confident frames, is the posterior of the target's class. The decision of each frame at the estimate
+//! should agree with it: aₜ = Σ_c b(c) pₜ(c). The shortfall of aₜ from its usual value on this target, smoothed over frames, is an
+//! evidence deficit: a tracker on a look-alike of another class is lost, however well the look-alike fits. While the class is uncertain,
+//! the deficit is 0.
 //!
 //! Deviation: in the paper nothing flows from identity back to location.
 
@@ -13,14 +13,14 @@ use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-/// Weight of the newest frame in the smoothed deficit: single decisions err for some frames at a time.
+/// Weight of the newest frame in the smoothed deficit: single decisions can be wrong for some frames in a row.
 const MEMORY: f64 = 0.1;
-/// Evidence deficit, 0 to 1, from which on a frame says nothing of the class.
+/// Evidence deficit, 0 to 1, from which a frame no longer updates the class.
 const CONFIDENT: f64 = 0.3;
-/// Probability of the likeliest class above which the target is known.
+/// Probability of the most likely class above which the class is known.
 const KNOWN: f64 = 0.9;
 
-/// Who the target is, and whether it is still seen.
+/// The posterior of the target's class, and the deficit.
 pub(crate) struct Alarm {
     accumulator: Accumulator,
     /// b(c).
@@ -31,20 +31,23 @@ pub(crate) struct Alarm {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Past {
-    /// Sum of the agreement over so many confident frames with a known class.
+    /// Sum of the agreement over `frames` confident frames with a known class.
     agreed: f64,
     frames: u64,
-    /// 0 to 1.
+    /// Smoothed evidence deficit, 0 to 1.
     deficit: f64,
 }
 
 impl Alarm {
-    /// Knows nothing of `classes` classes; fails where there are not two.
+    /// Creates an alarm without evidence on `classes` classes.
+    ///
+    /// # Errors
+    /// If there are fewer than two classes.
     pub(crate) fn new(classes: usize) -> Result<Self> {
         let accumulator = Accumulator::new(Accumulate::Sum, classes)?;
         Ok(Self { accumulator, belief: vec![1.0 / classes as f64; classes], past: Past::default() })
     }
-    /// Takes in log pₜ(c), the frame's own decision at the estimate, and how the frame went.
+    /// Updates posterior and deficit with log pₜ(c), the frame's own decision at the estimate, and the frame's context.
     pub(crate) fn hear(&mut self, log_p: &[f64], context: &Context) {
         let agrees: f64 = self.belief.iter().zip(log_p).map(|(b, q)| b * q.exp()).sum();
         let known = self.belief.iter().any(|b| *b > KNOWN);
@@ -62,21 +65,21 @@ impl Alarm {
             self.accumulator.posterior(&mut self.belief);
         }
     }
-    /// Evidence deficit of the class, 0 to 1.
+    /// Returns the evidence deficit of the class, 0 to 1.
     pub(crate) fn deficit(&self) -> f64 {
         self.past.deficit
     }
-    /// Forgets who it was: another target.
+    /// Resets the posterior and the deficit for another target.
     pub(crate) fn reset(&mut self) {
         self.accumulator.reset();
         self.accumulator.posterior(&mut self.belief);
         self.past = Past::default();
     }
-    /// All that it knows.
+    /// Returns the whole state.
     pub(crate) fn save(&self) -> Value {
         json!({ "evidence": self.accumulator.save(), "past": self.past })
     }
-    /// Takes up what `save` gave. Fails where it does not fit.
+    /// Restores a state that `save` returned.
     pub(crate) fn load(&mut self, saved: &Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved alarm of the recogniser cannot be used: {what}"));
         let past = Past::deserialize(&saved["past"]).map_err(|e| bad(e.to_string()))?;
@@ -101,14 +104,14 @@ mod tests {
     const SURE: Context = Context { ess: 1.0, deficit: 0.0, frame_deficit: 0.0, spread: 0.0, lost: false };
 
     #[test]
-    fn another_class_is_a_loss_and_the_same_is_found_again() {
+    fn another_class_raises_the_deficit_and_its_return_lowers_it() {
         let (mine, other) = ([0.9f64.ln(), 0.1f64.ln()], [0.1f64.ln(), 0.9f64.ln()]);
         let mut g = alarm();
         for _ in 0..20 {
             g.hear(&mine, &SURE);
             assert_eq!(g.deficit(), 0.0, "it is what it was");
         }
-        // b is (1, 0) but for 1e-19, the usual agreement 0.9 but for the first frames, and the other class falls short by 8/9.
+        // b is (1, 0) up to 1e-19, the usual agreement is 0.9 except in the first frames, and the other class falls short by 8/9.
         let lost = |g: &mut Alarm, log_p: &[f64]| {
             let mut frames = (1..100).map(|t| {
                 let doubtful = Context { deficit: 0.5, ..SURE };
@@ -129,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_not_known_is_not_missed() {
+    fn an_unknown_class_has_no_deficit() {
         let mut g = alarm();
         for t in 0..50 {
             let log_p = [[0.6f64.ln(), 0.4f64.ln()], [0.4f64.ln(), 0.6f64.ln()]][t % 2];

@@ -1,8 +1,8 @@
-//! Several trackers with independent random streams follow one target and vote (`control/confidence/vote.rs`). With one member the result is
-//! that of a single tracker.
+//! Several trackers with independent random streams follow one target and vote (`control/confidence/vote.rs`). With one member the result
+//! is that of a single tracker.
 //!
-//! A member that has lost the target while the majority tracks it starts again at the elected box. It keeps its own template, so that it judges
-//! that place by its own evidence.
+//! A member that has lost the target while the majority tracks it restarts at the elected box. It keeps its own template, so that it
+//! judges that place by its own evidence.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ use crate::seen::{Phase, Seen};
 use crate::threads;
 use foveate_base::{Error, Result};
 
-/// Upper bound of the rectangles that a member reads of a picture.
+/// Upper bound on the number of rectangles that a member reads of a picture.
 const WINDOWS: usize = 64;
 
 /// One tracker or more.
@@ -33,19 +33,19 @@ struct Saved {
 }
 
 impl Committee {
-    /// Panics without members.
+    /// Creates a committee. Panics without members.
     pub(crate) fn new(members: Vec<Engine>) -> Self {
         let vote = Vote::new(members[0].parts().monitor.model());
         let meter = if members.len() > 1 { Meter::with_room(WINDOWS * members.len()) } else { Meter::default() };
         Self { members, vote, ballots: Vec::new(), meter }
     }
 
-    /// The first member.
+    /// Returns the first member.
     pub(crate) fn first(&self) -> &Engine {
         &self.members[0]
     }
 
-    /// The first member, for steps that read through a sensor, which a committee cannot share.
+    /// Returns the first member, for steps that read through a sensor, which a committee cannot share.
     pub(crate) fn first_mut(&mut self) -> &mut Engine {
         &mut self.members[0]
     }
@@ -60,7 +60,7 @@ impl Committee {
         Ok(())
     }
 
-    /// One frame: a step of every member, and the vote.
+    /// Runs one frame: a step of every member, and the vote.
     pub(crate) fn step<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         if self.members.len() == 1 {
             return self.members[0].step_on(scene);
@@ -84,7 +84,7 @@ impl Committee {
         Seen { values, p_lost, status, phase, ..self.members[elected].report(scene) }
     }
 
-    /// Lost members start again at the elected box.
+    /// Restarts lost members at the elected box.
     fn reset_lost_members(&mut self, elected: usize) {
         let here = self.ballots[elected].bbox;
         self.members
@@ -119,7 +119,7 @@ impl Committee {
         self.first().parts()
     }
 
-    /// The state of the only member, or of all members and the vote.
+    /// Returns the state of the only member, or of all members and the vote.
     pub(crate) fn save(&self) -> serde_json::Value {
         if let [only] = &self.members[..] {
             return only.save();
@@ -128,7 +128,7 @@ impl Committee {
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Resumes from what [`Committee::save`] returned.
+    /// Restores a state that [`Committee::save`] returned.
     pub(crate) fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         if let [only] = &mut self.members[..] {
             return only.load(saved);
@@ -172,9 +172,9 @@ mod tests {
         Image::new(120, 90, 1, (0..120 * 90).map(pixel).collect()).expect("120 x 90")
     }
 
-    /// One of three is put elsewhere, cannot find back by itself, and is fetched.
+    /// One of three members is moved away, cannot find the target by itself, and is reset.
     #[test]
-    fn a_lost_member_begins_again_where_the_others_are() {
+    fn a_lost_member_restarts_at_the_others() {
         let settings = [
             "particles=100",
             "committee=3",
@@ -209,9 +209,9 @@ mod tests {
         );
     }
 
-    /// The parts of a tracker that hardly moves: what is 40 pixels off does not find back by itself.
+    /// The parts of a tracker that hardly moves: at a distance of 40 pixels it does not find the target by itself.
     #[test]
-    fn the_committee_fetches_a_lost_member() {
+    fn the_committee_resets_a_lost_member() {
         use crate::engine::toy::{Toy, parts, picture, started, target};
         let image = picture();
         let scene = Scene { image: &image, detections: &[] };

@@ -1,6 +1,6 @@
-//! The laws of the seams, as functions that the tests of every implementation call.
+//! Conformance tests of the extension points, as functions that the tests of every implementation call.
 //!
-//! Each panics with the broken law. Random checks state how often they would fail a correct implementation.
+//! Each panics with the rule that does not hold. Random checks state how often they would fail a correct implementation.
 
 mod detector;
 mod dynamics;
@@ -26,7 +26,7 @@ use rand_distr::StandardNormal;
 mod recognizer;
 pub use self::recognizer::recognizer;
 
-/// Randomness for checks: any fixed name will do.
+/// Random streams for checks, with a fixed name.
 fn checks() -> Streams {
     Streams::new(0, 0).at(0, Purpose::Scene)
 }
@@ -44,15 +44,15 @@ fn assert_mean(values: &[f64], exact: f64, what: &str) {
     assert!((mean - exact).abs() < allowed, "{what}: {mean} is not {exact} ± {allowed}");
 }
 
-/// An empty scene, for proposals and others that do not look at it.
+/// Returns an empty scene, for proposals and other parts that do not read it.
 pub fn blank_image() -> Image {
     Image::grey(1, 1, 0)
 }
 
-/// Places go to particle i m·wᵢ times on average; ancestors ascend; weight 0 gets none.
+/// Checks that particle i gets m·wᵢ places on average, that ancestors ascend, and that weight 0 gets none.
 ///
-/// 4,000 rounds. A count's variance is a multinomial one at most, for every scheme; a correct one is further than
-/// 5 deviations off less than once in 10⁶.
+/// Runs 4,000 rounds. For every scheme the variance of a count is at most the multinomial one; a correct scheme deviates by more than 5
+/// standard deviations less than once in 10⁶.
 pub fn resampling(resampling: &Resampling, weights: &[f64], places: usize) {
     const ROUNDS: usize = 4000;
     let (mut rng, mut ancestors, mut counts) = (checks().rng(3), vec![0; places], vec![0usize; weights.len()]);
@@ -67,12 +67,13 @@ pub fn resampling(resampling: &Resampling, weights: &[f64], places: usize) {
         assert!(w > 0.0 || count == 0, "particle {i} has no weight, but {count} children");
         let n = (ROUNDS * places) as f64;
         let (mean, sd) = (n * w, (n * w * (1.0 - w)).sqrt());
-        let slack = 5.0 * sd + if mean < 30.0 { 10.0 } else { 1e-6 }; // few, so not nearly normal
+        let slack = 5.0 * sd + if mean < 30.0 { 10.0 } else { 1e-6 }; // too few for a normal distribution
         assert!((count as f64 - mean).abs() <= slack, "particle {i} has {count} children, not {mean} ± {slack}");
     }
 }
 
-/// In [0, 1]; blind to the particles' order and to constants added to logarithms; the same for the same weights.
+/// Checks that rewards are in [0, 1], depend neither on the order of the particles nor on constants added to logarithms, and are the same
+/// for the same weights.
 pub fn reward(reward: &mut dyn Reward) {
     let mut rng = checks().rng(4);
     let (believed, extent) = (State { x: 3.0, ..State::default() }, Extent { half_w: 20.0, half_h: 15.0 });
@@ -111,10 +112,10 @@ pub fn reward(reward: &mut dyn Reward) {
     }
 }
 
-/// Plans are not empty and use a gaze; the same randomness gives the same plan; what is saved as JSON text and
-/// loaded goes on bit for bit; what does not fit is refused and changes nothing; `reset` forgets all.
+/// Checks that plans are not empty and use a gaze, and that the same randomness gives the same plan. A policy that loads a saved state
+/// from JSON text must continue bit for bit; a state that does not fit must be an error and change nothing; `reset` must reset everything.
 ///
-/// `make` gives new policies of the same settings.
+/// `make` returns new policies of the same settings.
 pub fn policy(make: &dyn Fn() -> Box<dyn Policy>) {
     let (mut a, mut b) = (make(), make());
     let untouched = a.save();
@@ -138,7 +139,7 @@ pub fn policy(make: &dyn Fn() -> Box<dyn Policy>) {
     play(&mut *a, &mut *make(), 0..10);
 }
 
-/// Plays two policies side by side on the same randomness and rewards: they must do the same.
+/// Runs two policies side by side on the same randomness and rewards, and checks that their plans are equal.
 fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
     let (mut plan, mut other) = (Plan::new(), Plan::new());
     for t in frames {
@@ -174,16 +175,16 @@ fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
     }
 }
 
-/// Any tracker's state of mind.
+/// Returns a random context.
 fn context(rng: &mut Rng) -> Context {
     let [ess, deficit, frame_deficit, spread] = std::array::from_fn(|_| rng.random());
     Context { ess, deficit, frame_deficit, spread, lost: deficit > 0.6 }
 }
 
-/// Every feature is finite and depends on its own row alone, bit for bit, however many rows are encoded at once; its parts are all of
-/// them.
+/// Checks that every feature is finite and depends on its own row alone, bit for bit, for any number of rows at once, and that the parts
+/// of the encoder cover all features.
 ///
-/// `glimpses` are conditioned rows, three at least.
+/// `glimpses` are conditioned rows, at least three.
 pub fn encoder(encoder: &dyn Encoder, glimpses: &[f32]) {
     let (n_v, n_h) = encoder.shape();
     assert_eq!(encoder.parts().iter().sum::<usize>(), n_h, "the parts of a feature vector are all of it");
@@ -205,9 +206,9 @@ pub fn encoder(encoder: &dyn Encoder, glimpses: &[f32]) {
     assert!(once == again && once.iter().all(|v| v.is_finite()), "conditioning must not remember");
 }
 
-/// At least 0, finite, the same each time, and next to 0 from a vector to itself.
+/// Checks that the distance is finite, at least 0, the same on each call, and near 0 from a vector to itself.
 ///
-/// `features` are rows of `width` values that the distance is made for.
+/// `features` are rows of `width` values that suit the distance.
 pub fn distance(distance: &dyn Distance, features: &[f32], width: usize) {
     for template in features.chunks_exact(width) {
         let mut kept = template.to_vec();
@@ -218,13 +219,12 @@ pub fn distance(distance: &dyn Distance, features: &[f32], width: usize) {
             assert_eq!(d, distance.distance(row, &kept), "a distance must not remember");
         }
         let own = distance.distance(template, &kept);
-        // Rounding of a sum of squares leaves 1e-7; its root 3e-4. A vector of zeros may be anywhere.
+        // Rounding of a sum of squares leaves 1e-7, and its root 3e-4. The distance of zero vectors is arbitrary.
         assert!(own < 1e-3 || template.iter().all(|&t| t == 0.0), "{own} from a vector to itself");
     }
 }
 
-/// Values are within [0, 1], one for each cell, written whatever the buffer held; on a picture of one grey, every
-/// grey cell sees that grey.
+/// Checks that all cells are written, with values in [0, 1], and that on a uniform grey picture every grey cell has that grey.
 pub fn retina(retina: &dyn Retina) {
     let n = retina.glimpse_len();
     assert_eq!(n, retina.cells().len(), "one cell for each value");
@@ -255,11 +255,11 @@ pub fn retina(retina: &dyn Retina) {
     }
 }
 
-/// A log-likelihood is not NaN, and depends on its own state and gaze alone: not on the other states of the call, on
-/// their order, or on the number of threads. What is saved as JSON text and loaded sees the same, bit for bit; what
-/// does not fit is refused.
+/// Checks that a log-likelihood is not NaN, and depends on its own state and gaze alone: not on the other states of the call, on their
+/// order, or on the number of threads. An appearance that loads a saved state from JSON text must give the same values, bit for bit; a
+/// state that does not fit must be an error.
 ///
-/// `make` gives new appearances of the same settings.
+/// `make` returns new appearances of the same settings.
 pub fn appearance(make: &dyn Fn() -> Box<dyn Appearance>) {
     const N: usize = 150;
     let mut rng = checks().rng(6);

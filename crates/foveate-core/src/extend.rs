@@ -1,4 +1,4 @@
-//! Parts of your own: the traits to implement, their laws, and the names under which a configuration finds them.
+//! Extension points: the traits to implement, their conformance tests, and the names under which a configuration finds your parts.
 //!
 //! Register a constructor under a name in [`Parts`]. A configuration with these parts may then have a section with `kind = "name"`; the
 //! other keys of the section are the settings that the constructor receives. `docs/extend.md` shows a part of each kind.

@@ -1,12 +1,12 @@
-//! What a tracker was made with: a saved state goes on bit for bit only in a tracker that was made with the same.
+//! The origin of a saved tracker: a state resumes bit for bit only in a tracker with the same origin.
 
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Seed, number of the target, and the whole configuration: the tracker's, its second opinion's, and so on. A tracker of parts that were put
-/// together by hand has no configuration.
+/// The seed, the number of the target, and the configurations of the tracker, its second tracker, and so on. A tracker of parts that a
+/// program combined itself has no configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Origin {
@@ -15,18 +15,18 @@ pub(crate) struct Origin {
     pub configurations: Vec<Value>,
 }
 
-/// Differences that an error lists; the others are counted.
+/// Maximum number of differences that an error lists; the others are counted.
 const LISTED: usize = 4;
-/// Characters of a value that an error shows.
+/// Maximum number of characters of a value in an error.
 const SHOWN: usize = 40;
 
 impl Origin {
-    /// Of parts that were put together by hand.
+    /// Creates the origin of a tracker of parts that a program combined itself.
     pub(crate) fn by_hand(seed: u64) -> Self {
         Self { seed, target: 0, configurations: vec![] }
     }
 
-    /// Fails where `saved` is another one, with what differs, in words.
+    /// Compares with a saved origin. The error lists the differences.
     pub(crate) fn check(&self, saved: &Self) -> Result<(), String> {
         let mut all = vec![];
         let numbers = [("seed", saved.seed, self.seed), ("target", saved.target, self.target)];
@@ -35,7 +35,7 @@ impl Origin {
         );
         for k in 0..saved.configurations.len().max(self.configurations.len()) {
             let [saved, ours] = [saved, self].map(|origin| origin.configurations.get(k).unwrap_or(&Value::Null));
-            // The seed in force is compared above.
+            // The seed in use is compared above.
             let name = "second_opinion: ".repeat(k);
             differences(&name, saved, ours, &mut |key| key != "seed", &mut all);
         }
@@ -56,7 +56,7 @@ fn say(key: &str, saved: impl std::fmt::Display, ours: impl std::fmt::Display) -
     format!("{key} is {saved} in the state and {ours} in this tracker")
 }
 
-/// A value in an error.
+/// Formats a value for an error.
 fn shown(value: &Value) -> String {
     match value {
         Value::Null => "not set".into(),
@@ -68,7 +68,7 @@ fn shown(value: &Value) -> String {
     }
 }
 
-/// Adds the keys under `at` whose values differ, in words. What is not set is `Null`.
+/// Appends the keys under `at` whose values differ, as text. An unset key is `Null`.
 fn differences(at: &str, saved: &Value, ours: &Value, counts: &mut dyn FnMut(&str) -> bool, all: &mut Vec<String>) {
     if saved == ours {
         return;
@@ -91,12 +91,12 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn what_differs_is_named() {
+    fn differences_are_named() {
         let origin =
             |seed, configurations: &[Value]| Origin { seed, target: 0, configurations: configurations.to_vec() };
         let ours = origin(1, &[json!({"seed": 1, "particles": 400, "policy": {"kind": "fixed", "u": 0.0}})]);
         assert_eq!(ours.check(&ours.clone()), Ok(()));
-        // The seed of the file is not that in force.
+        // The seed in the file differs from the seed in use.
         assert_eq!(
             ours.check(&origin(1, &[json!({"seed": 9, "particles": 400, "policy": {"kind": "fixed", "u": 0.0}})])),
             Ok(())

@@ -1,8 +1,7 @@
-//! WHAT is it called? Looks at the estimate, through a recogniser, to classes over time (section 2.2).
+//! WHAT is it? Recognition of the target's class from looks at the estimate, over time (section 2.2).
 //!
-//! Recognition stands beside the filter: it looks at the frame anew, at the estimate, through a retina and first layer of
-//! its own and where a policy of its own says. It never moves the belief; with an alarm ([`Recognition::with_alarm`]) it has a
-//! word in whether the target is lost.
+//! Recognition runs beside the filter. It looks at each frame again, at the estimate, with its own retina, first layer and policy. It
+//! never moves the belief; with an alarm ([`Recognition::with_alarm`]) it contributes to P(lost).
 
 use std::sync::Arc;
 
@@ -19,10 +18,10 @@ use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 use serde_json::{Value, json};
 
-/// The farthest gaze the pyramid is made for unless a plan asks for more, template units: a region of nearly one size.
+/// The farthest gaze that the pyramid covers unless a plan needs more, template units: the size of the region stays nearly constant.
 const USUAL_GAZE: f64 = 1.0;
 
-/// A recogniser, what it looks with and where, and what it has made of all frames.
+/// A recogniser with its retina, encoder and policy, and the class probabilities over all frames.
 pub struct Recognition {
     retina: Arc<dyn Retina>,
     encoder: Option<Arc<dyn Encoder>>,
@@ -41,23 +40,24 @@ pub struct Recognition {
     classes: Vec<f64>,
 }
 
-/// What was recognised, as [`crate::seen::Seen`] shows it.
+/// The recognised class, as in [`crate::seen::Seen`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recognized<'a> {
     /// p(c | all frames so far), after accumulation; empty without a recogniser.
     pub classes: &'a [f64],
-    /// What they are called; empty where they have numbers alone.
+    /// The names of the classes; empty if they have numbers only.
     pub names: &'a [String],
-    /// p(c | the last Δ looks), this frame's own decision.
+    /// p(c | the last Δ looks): the decision of this frame alone.
     pub own: &'a [f64],
-    /// Where it looked in this frame.
+    /// The gazes of this frame.
     pub gazes: &'a [Gaze],
 }
 
 impl Recognition {
-    /// Puts the parts together; without an encoder the recogniser reads glimpses.
+    /// Combines the parts; without an encoder the recogniser reads glimpses.
     ///
-    /// Fails where one part's values are not as many as the next one takes, or the rule's number is out of range.
+    /// # Errors
+    /// If the number of values from one part is not the number that the next one takes, or if the number of `accumulate` is out of range.
     pub fn new(
         retina: Arc<dyn Retina>,
         encoder: Option<Arc<dyn Encoder>>,
@@ -95,31 +95,32 @@ impl Recognition {
         })
     }
 
-    /// The same, with an alarm: a class that is no longer seen counts as an evidence deficit.
+    /// Adds an alarm: a class that is no longer recognised counts as an evidence deficit.
     pub fn with_alarm(mut self) -> Result<Self> {
         self.alarm = Some(Alarm::new(self.classes())?);
         Ok(self)
     }
-    /// Evidence deficit of the class, 0 to 1: how much it speaks against the target being there; 0 without an alarm.
+    /// Returns the evidence deficit of the class, 0 to 1; 0 without an alarm.
     pub fn alarm(&self) -> f64 {
         self.alarm.as_ref().map_or(0.0, Alarm::deficit)
     }
 
-    /// Counts what the last look used of its picture.
+    /// Adds the pixels that the last look used to the meter.
     pub fn measure(&self, meter: &mut Meter) {
         meter.add(self.pyramid.used());
     }
 
-    /// Looks at every gaze that its policy plans for this frame, at `estimate`, and takes in what that says.
+    /// Classifies every gaze that the policy plans for this frame, at `estimate`, and updates the class probabilities.
     ///
-    /// A look's reward is how sure it leaves the last Δ looks: 1 − H/log n_c, 0 to 1. Allocates nothing after the first frames.
+    /// The reward of a look is the certainty of the decision over the last Δ looks: 1 − H/log n_c, 0 to 1. Allocates nothing after the
+    /// first frames.
     pub fn look(&mut self, image: &Image, estimate: &State, extent: Extent, context: &Context, rng: &mut Rng) {
         self.policy.plan(context, &mut self.plan, rng);
         let far = self.plan.gazes().iter().map(|g| g.u.abs().max(g.v.abs())).fold(USUAL_GAZE, f64::max);
         let reach = self.retina.footprints().iter().map(|f| f.reach).fold(far, f64::max);
         let unit = estimate.half(extent);
         if self.is_new {
-            // Memory for twice the sides: a target that grows or turns needs no more of it.
+            // Memory for twice the sides suffices for a target that grows or turns.
             let side = |unit: f64, most: usize| ((4.0 * (far + reach) * unit) as usize + 8).min(most);
             let (width, height) = (side(unit.0, image.width()), side(unit.1, image.height()));
             self.pyramid.build(image, Region { x: 0, y: 0, width, height }, self.retina.footprints(), unit);
@@ -151,15 +152,15 @@ impl Recognition {
         self.alarm.iter_mut().for_each(|alarm| alarm.hear(&self.log_p, context));
     }
 
-    /// What was recognised up to the last look.
+    /// Returns the result of all looks so far.
     pub fn recognized(&self) -> Recognized<'_> {
         Recognized { classes: &self.classes, names: self.recognizer.names(), own: &self.own, gazes: self.plan.gazes() }
     }
-    /// n_c.
+    /// Returns the number of classes n_c.
     pub fn classes(&self) -> usize {
         self.classes.len()
     }
-    /// Forgets all frames: another target.
+    /// Resets everything for another target.
     pub fn reset(&mut self) {
         self.recognizer.reset();
         self.policy.reset();
@@ -170,7 +171,7 @@ impl Recognition {
         self.own.fill(alike);
         self.plan.clear();
     }
-    /// All that was taken in and learned.
+    /// Returns the whole state.
     pub fn save(&self) -> Value {
         let (looks, policy) = (self.recognizer.save(), self.policy.save());
         let mut saved = json!({ "looks": looks, "policy": policy, "evidence": self.accumulator.save() });
@@ -179,7 +180,7 @@ impl Recognition {
         }
         saved
     }
-    /// Takes up what `save` gave. Fails where it does not fit; it has to be reset then.
+    /// Restores a state that `save` returned. After an error, call [`Recognition::reset`].
     pub fn load(&mut self, saved: &Value) -> Result<()> {
         self.reset();
         let part = |key: &str| SavedState::new(&saved[key]);
@@ -194,7 +195,7 @@ impl Recognition {
     }
 }
 
-/// 1 − H/log n of log-probabilities: 0 where all are alike, 1 where one is certain.
+/// Returns 1 − H/log n of log-probabilities: 0 if all are equal, 1 if one is certain.
 fn certainty(log_p: &[f64]) -> f64 {
     let entropy: f64 = log_p.iter().filter(|q| q.is_finite()).map(|q| -q * q.exp()).sum();
     (1.0 - entropy / (log_p.len() as f64).ln()).clamp(0.0, 1.0)
@@ -208,7 +209,7 @@ mod tests {
     fn certainty_is_one_minus_the_share_of_entropy() {
         assert!(certainty(&[(0.25f64).ln(); 4]).abs() < 1e-12);
         assert_eq!(certainty(&[0.0, f64::NEG_INFINITY]), 1.0);
-        // One of two is out: half of the four's entropy is left.
+        // Two of four classes are excluded: half of the entropy is left.
         let half = [0.5f64.ln(), 0.5f64.ln(), f64::NEG_INFINITY, f64::NEG_INFINITY];
         assert!((certainty(&half) - 0.5).abs() < 1e-12);
     }

@@ -1,13 +1,12 @@
-//! What the first frame says of evidence to come.
+//! Reference values of the evidence, from the first frame.
 
 use serde::{Deserialize, Serialize};
 
-/// Reference likelihoods, nats a look: evidence is judged by where it lies between them. Calibration on the first frame
-/// measures both.
+/// Reference log-likelihoods, nats per look, between which evidence is judged. Calibration on the first frame measures both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceLikelihood {
-    /// On the target, a pixel or so off.
+    /// Log-likelihood on the target, about a pixel off.
     pub on: f64,
-    /// Elsewhere in the picture.
+    /// Log-likelihood elsewhere in the picture.
     pub off: f64,
 }

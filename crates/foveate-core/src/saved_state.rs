@@ -1,4 +1,4 @@
-//! The state of a part, as saved trackers carry it.
+//! The state of a part in a saved tracker.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The state of a part: any value that serde can write, opaque to all but the part itself.
+/// The state of a part: any value that serde can write. Only the part itself interprets it.
 ///
 /// ```
 /// use foveate_core::extend::SavedState;
@@ -22,31 +22,31 @@ use serde_json::Value;
 pub struct SavedState(Value);
 
 impl SavedState {
-    /// The state of a part that learns nothing.
+    /// Returns the state of a part that learns nothing.
     pub fn empty() -> Self {
         Self::default()
     }
-    /// This value. Numbers that are not finite are not kept.
+    /// Saves this value. Numbers that are not finite are lost.
     ///
     /// # Panics
     /// If the value cannot be JSON: it has a map whose keys are not text, or its `Serialize` fails.
     pub fn new(state: &impl Serialize) -> Self {
         Self(serde_json::to_value(state).expect("a state is plain data: maps have text as keys"))
     }
-    /// Whether it is the state of a part that learns nothing.
+    /// Returns whether it is the state of a part that learns nothing.
     pub fn is_empty(&self) -> bool {
         self.0.is_null()
     }
-    /// The value that was saved.
+    /// Returns the value that was saved.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if it is of another kind.
+    /// [`Error::Invalid`] if it has another type.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
         T::deserialize(&self.0).map_err(|error| Error::Invalid(format!("the saved state does not fit: {error}")))
     }
 }
 
-/// The value as JSON text.
+/// Formats the value as JSON text.
 impl fmt::Display for SavedState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)

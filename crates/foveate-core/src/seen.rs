@@ -1,4 +1,4 @@
-//! The result of one frame for one target: its box, how sure the tracker is of it, and views of the frame's intermediate quantities.
+//! The result of one frame for one target: its box, its confidence, and views of the frame's intermediate quantities.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -12,25 +12,25 @@ use crate::identity::Percept;
 use crate::identity::accumulate::likeliest;
 use crate::scene::{Detection, Image};
 
-/// The life of a target.
+/// The phase in the life of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Phase {
-    /// Its box was given or detected in this frame; its template is what is there.
+    /// Its box was given or detected in this frame, and the picture there is its template.
     Initiated,
-    /// It was re-identified after its termination and has its old id again.
+    /// It was re-identified after its termination, and has its old id again.
     ReIdentified,
     /// It is tracked, and its box is a result.
     Tracked,
-    /// Another target covers most of it: its motion predicts the box, which is a result.
+    /// Another target occludes most of it: its motion predicts the box, which is a result.
     Occluded,
-    /// The box is a guess: the target is probably lost, or another target has covered it for more than a second of video.
+    /// The box is a guess: the target is probably lost, or another target has occluded it for more than a second of video.
     Lost,
 }
 
 impl Phase {
-    /// The name in files and pictures.
+    /// Returns the name in files and pictures.
     pub fn name(self) -> &'static str {
         match self {
             Self::Initiated => "initiated",
@@ -41,12 +41,12 @@ impl Phase {
         }
     }
 
-    /// The phase of the only target of a tracker in a frame with this status.
+    /// Returns the phase of the only target of a tracker in a frame with this status.
     pub(crate) fn of(status: Status) -> Self {
         if status.is_usable() { Self::Tracked } else { Self::Lost }
     }
 
-    /// The status of a target in this phase.
+    /// Returns the status of a target in this phase.
     fn status(self) -> Status {
         match self {
             Self::Initiated | Self::Tracked | Self::Occluded => Status::Tracking,
@@ -68,7 +68,7 @@ pub struct Seen<'a> {
     pub id: u64,
     /// The frame in which the target was first given or detected, from 0; 0 for a tracker of one target.
     pub born: usize,
-    /// The life of the target.
+    /// The phase in the life of the target.
     pub phase: Phase,
     /// The upright box; left and top from 0, pixels.
     pub bbox: BBox,
@@ -85,37 +85,37 @@ pub struct Seen<'a> {
     pub extent: Extent,
     /// The chosen gaze, template units.
     pub gaze: Gaze,
-    /// The fraction of the target that nothing else covers, 0 to 1.
+    /// The fraction of the target that is not occluded, 0 to 1.
     pub visible: f64,
     /// How the evidence compares with the reference.
     pub consistency: Consistency,
     /// Frames since the target was last looked at; 0 if it was in this frame.
     pub waited: usize,
-    /// The detection of this frame that was assigned to the target, or that started it.
+    /// The detection of this frame that was assigned to the target or started it.
     pub detection: Option<Detection>,
-    /// The place of `detection` among those passed to [`MultiTracker::update`](crate::MultiTracker::update), from 0; `None` if the
+    /// The index of `detection` among those passed to [`MultiTracker::update`](crate::MultiTracker::update), from 0; `None` if the
     /// configuration's own detector found it.
     pub detection_index: Option<usize>,
     /// The class of the last detection that had one.
     pub detected_class: Option<usize>,
     /// The most likely class over all frames so far and its probability; `None` without a recogniser.
     pub class: Option<(usize, f64)>,
-    /// P(lost) without the second tracker: the tracker acts on this one.
+    /// P(lost) without the second tracker, which the filter acts on.
     pub own_p_lost: f64,
-    /// The evidence that P(lost) is made of.
+    /// The evidence from which P(lost) follows.
     pub cues: Cues,
     /// Effective sample size 1/Σw², 1 to N; 0 without views.
     pub ess: f64,
     /// log Σ w̃, nats, up to the likelihood's constant; NaN without views.
     pub log_evidence: f64,
-    /// Standard deviation of the place beside the belief's, template units: credible regions include it.
+    /// Standard deviation of the place in addition to the belief's, template units: credible regions include it.
     pub localisation_noise: f64,
     /// Width, height and planes of the picture.
     pub shape: [usize; 3],
     /// Values read from the picture: pixels times planes, each once. With a sensor: all bins and tiles that it read, with overlaps. Looks
     /// recorded for observers do not count.
     pub values: usize,
-    /// The picture as the tracker saw it: with a sensor, what it read, painted in place.
+    /// The picture that the tracker used: with a sensor, the parts that it read, painted in place.
     pub picture: Option<&'a Image>,
     /// The detections that the tracker used in this frame.
     pub detections: &'a [Detection],
@@ -133,7 +133,7 @@ pub struct Seen<'a> {
     pub recorded: &'a [f64],
     /// The log evidence of each gaze of the plan.
     pub gaze_evidence: &'a [f64],
-    /// The look at the estimate.
+    /// The glimpse at the estimate.
     pub percept: &'a Percept,
     /// p(c | all frames so far), one for each class; empty without a recogniser.
     pub classes: &'a [f64],
@@ -143,11 +143,11 @@ pub struct Seen<'a> {
     pub own_classes: &'a [f64],
     /// The gazes of the recogniser.
     pub recognition_gazes: &'a [Gaze],
-    /// What the policy has learned.
+    /// The learned state of the policy.
     pub snapshot: PolicySnapshot<'a>,
 }
 
-/// The plan and the look of a frame without views.
+/// The empty plan and glimpse of a frame without views.
 static NO_PLAN: Plan = Plan::new();
 static NO_LOOK: Percept =
     Percept { gaze: Gaze::CENTRE, glimpse: Vec::new(), features: Vec::new(), distance: 0.0, colour: 0.0 };
@@ -161,12 +161,13 @@ pub struct Region {
     pub y: f64,
     /// Half axes, the longer one first, pixels.
     pub half: [f64; 2],
-    /// Direction of the longer one, radians from x towards y.
+    /// Direction of the longer half axis, radians from x towards y.
     pub turn: f64,
 }
 
 impl Seen<'static> {
-    /// A frame in which the target's box was given, in a picture of this width, height and number of planes: nothing was estimated.
+    /// Creates the result of a frame in which the target's box was given, in a picture of this width, height and number of planes: nothing
+    /// was estimated.
     pub fn given(shape: [usize; 3], bbox: &BBox) -> Self {
         Self {
             id: 1,
@@ -213,7 +214,7 @@ impl Seen<'static> {
 }
 
 impl<'a> Seen<'a> {
-    /// The plain data alone, to keep.
+    /// Returns the plain data alone, to keep.
     pub fn without_views(&self) -> Seen<'static> {
         let Self {
             id, born, phase, bbox, status, p_lost, state, covariance, extent, gaze, visible, consistency, ..
@@ -225,25 +226,25 @@ impl<'a> Seen<'a> {
         let belief = Seen { state, covariance, extent, gaze, visible, consistency, ess, log_evidence, ..life };
         Seen { status, p_lost, own_p_lost, cues, localisation_noise, values, ..belief }
     }
-    /// The same target in another phase, with the status that follows from it.
+    /// Returns the same target in another phase, with the status that follows from it.
     #[must_use]
     pub fn in_phase(self, phase: Phase) -> Self {
         Self { phase, status: phase.status(), ..self }
     }
-    /// Whether the box was given or detected in this frame, not tracked.
+    /// Returns whether the box was given or detected in this frame, not tracked.
     pub fn is_given(&self) -> bool {
         self.phase == Phase::Initiated
     }
-    /// Values read, as a fraction of those of the picture: 0 to 1, or more with a sensor that reads places twice.
+    /// Returns the values read as a fraction of those of the picture: 0 to 1, or more with a sensor that reads places twice.
     pub fn share_read(&self) -> f64 {
         self.values as f64 / self.shape.iter().product::<usize>() as f64
     }
-    /// Pixels per template unit at the estimate's size.
+    /// Returns the pixels per template unit at the estimate's size.
     pub fn unit(&self) -> f64 {
         self.extent.mean() * self.state.log_scale.exp()
     }
-    /// The credible region of the target's centre that holds this share (0 to below 1) of the probability, as of a normal
-    /// belief: its covariance and the localisation noise.
+    /// Returns the credible region of the target's centre that contains this share (0 to below 1) of the probability, for a normal belief:
+    /// its covariance and the localisation noise.
     pub fn region(&self, share: f64) -> Region {
         let (c, localisation_noise) = (&self.covariance, self.localisation_noise * self.unit());
         let (a, b, d) = (
@@ -256,36 +257,36 @@ impl<'a> Seen<'a> {
         let half = [middle + apart, middle - apart].map(|v| (size * v).max(0.0).sqrt());
         Region { x: self.state.x, y: self.state.y, half, turn: 0.5 * (2.0 * b).atan2(a - d) }
     }
-    /// The weighted sample itself.
+    /// Returns the weighted sample.
     pub fn belief(&self) -> Belief<'a> {
         Belief { states: self.particles, weights: self.weights }
     }
-    /// The reward of a gaze; `None` where it was neither scored nor recorded.
+    /// Returns the reward of a gaze; `None` if it was neither scored nor recorded.
     pub fn reward_of(&self, gaze: Gaze) -> Option<f64> {
         let of = |gazes: &[Gaze], rewards: &[f64]| {
             gazes.iter().position(|g| (g.u, g.v) == (gaze.u, gaze.v)).map(|k| rewards[k])
         };
         of(self.plan.gazes(), self.rewards).or_else(|| of(self.plan.recorded(), self.recorded))
     }
-    /// Whether the box is a result: the status is tracking or reacquired. Otherwise it is a guess.
+    /// Returns whether the box is a result: the status is tracking or reacquired. Otherwise the box is a guess.
     pub fn is_usable(&self) -> bool {
         self.status.is_usable()
     }
-    /// Whether the status is lost. It is not while the target is occluded: see [`Seen::is_usable`].
+    /// Returns whether the status is lost. An occluded target is not lost: see [`Seen::is_usable`].
     pub fn is_lost(&self) -> bool {
         self.status.is_lost()
     }
-    /// The name of a class, or its number if it has none.
+    /// Returns the name of a class, or its number if it has none.
     pub fn class_name(&self, class: usize) -> Cow<'a, str> {
         self.class_names.get(class).map_or_else(|| class.to_string().into(), |name| name.as_str().into())
     }
-    /// The most likely class by the decision of this frame alone, and its probability.
+    /// Returns the most likely class by the decision of this frame alone, and its probability.
     pub fn own_class(&self) -> Option<(usize, f64)> {
         best(self.own_classes)
     }
 }
 
-/// The most likely class and its probability.
+/// Returns the most likely class and its probability.
 pub(crate) fn best(probabilities: &[f64]) -> Option<(usize, f64)> {
     let class = likeliest(probabilities);
     probabilities.get(class).map(|p| (class, *p))
@@ -316,7 +317,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_phase_says_whether_the_box_is_a_result() {
+    fn phases_and_statuses_agree_on_results() {
         let given = Seen::given([40, 30, 3], &BBox::new(4.0, 6.0, 10.0, 12.0));
         assert!(given.is_given() && given.is_usable() && given.share_read() == 0.0 && given.weights.is_empty());
         let usable = |phase| given.in_phase(phase).is_usable();

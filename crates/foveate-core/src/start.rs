@@ -1,4 +1,4 @@
-//! p(x₀): the first particles, around the given box.
+//! p(x₀): the distribution of the first particles around the given box.
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -31,7 +31,10 @@ impl Default for StartSpread {
 }
 
 impl StartSpread {
-    /// Fails where a standard deviation is negative or out of all proportion, naming the field.
+    /// Checks all standard deviations.
+    ///
+    /// # Errors
+    /// If one is negative or too large; the error names the field.
     pub fn check(&self) -> Result<()> {
         for (name, sd, most) in [
             ("position", self.position, 100.0),
@@ -60,7 +63,10 @@ impl StartSpread {
     }
 }
 
-/// Refuses a box that no target can have.
+/// Checks the box of a target.
+///
+/// # Errors
+/// [`Error::Invalid`] if it is not finite, smaller than 2 × 2 pixels, larger than four times the picture, or does not touch the picture.
 pub fn check(image: &Image, b: &BBox) -> Result<()> {
     let (w, h) = (image.width() as f64, image.height() as f64);
     let finite = [b.x, b.y, b.w, b.h].iter().all(|v| v.is_finite());

@@ -1,7 +1,7 @@
-//! The front door: one target, picture by picture.
+//! Tracks one target, picture by picture.
 //!
-//! [`Tracker`] owns everything between a picture and a result: camera motion, detector, the particle filter with its gaze,
-//! and the recogniser. Nothing else in the project steps the engine of one target.
+//! [`Tracker`] contains everything between a picture and a result: camera motion, detector, the particle filter with its gaze, and the
+//! recogniser. No other code steps the engine of one target.
 
 use crate::committee::Committee;
 use crate::config::{Blueprint, Configure};
@@ -31,7 +31,7 @@ pub struct Tracker {
     origin: Origin,
     committee: Committee,
     preprocessor: Preprocessor,
-    /// What reads pictures, where not all of them is read.
+    /// The sensor that reads parts of the pictures; `None` if whole pictures are read.
     sensor: Option<Sensor>,
     /// Width, height and planes of the pictures.
     shape: Option<[usize; 3]>,
@@ -55,40 +55,40 @@ struct Saved {
 }
 
 impl Tracker {
-    /// A tracker by profile, by the name of a configuration that ships ([`crate::config::BUILTIN`]), or by a configuration.
+    /// Creates a tracker from a profile, from the name of a configuration that ships ([`crate::config::BUILTIN`]), or from a
+    /// configuration.
     ///
     /// # Errors
-    /// [`Error::Config`] where there is none of that name, a number is out of range or parts do not fit. Model files are
-    /// those that ship; for others see [`crate::config::Config::check`] and [`Blueprint::tracker`].
+    /// [`Error::Config`] if no configuration has that name, a number is out of range, or parts do not fit. Model files are those that
+    /// ship; for others see [`crate::config::Config::check`] and [`Blueprint::tracker`].
     pub fn new(what: impl Configure) -> Result<Self> {
         let config = what.config()?;
         let seed = config.seed;
         config.check(&Nowhere)?.tracker(seed)
     }
 
-    /// A tracker of these parts, with its own streams of randomness named by `seed`; what is looked at before each step is
-    /// the preprocessor's business.
+    /// Creates a tracker of these parts, with random streams that are named by `seed`. The preprocessor runs before each step.
     pub fn from_parts(parts: Parts, preprocessor: Preprocessor, seed: u64) -> Self {
         Self::of(Origin::by_hand(seed), vec![Engine::new(parts, seed, 0)], preprocessor)
     }
 
-    /// Of one engine, or several that vote.
+    /// Creates a tracker of one engine, or of several that vote.
     fn of(origin: Origin, engines: Vec<Engine>, preprocessor: Preprocessor) -> Self {
         Self { origin, committee: Committee::new(engines), preprocessor, sensor: None, shape: None }
     }
 
-    /// The same, reading pictures through a sensor.
+    /// Sets the sensor that reads pictures.
     pub fn sensing(self, sensor: Option<Sensor>) -> Self {
         Self { sensor, ..self }
     }
 
-    /// Starts, or starts again, on the target in this box of a picture: an [`Image`], or any source of [`Regions`] for a configuration with
-    /// `[sensor]`. The template is what is there. Everything learned before is forgotten and the
-    /// random streams start again, so that the tracker goes on as a new one would, bit for bit. Only what a detector and the camera motion
-    /// saw of earlier pictures stays, as after [`Tracker::skip`]: for another video make another tracker.
+    /// Starts, or restarts, on the target in this box of a picture: an [`Image`], or any source of [`Regions`] for a configuration with
+    /// `[sensor]`. The picture in the box becomes the template. Everything learned before and the random streams are reset, so that the
+    /// tracker continues as a new one would, bit for bit. Only the pictures that the detector and the camera motion have received stay, as
+    /// after [`Tracker::skip`]: for another video create another tracker.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; then nothing has changed.
+    /// [`Error::Invalid`] if the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; nothing changes then.
     /// [`Error::Invalid`] if the picture serves regions only and the configuration has no `[sensor]`. An error of a source that cannot be
     /// read.
     pub fn init(&mut self, picture: &dyn Regions, bbox: BBox) -> Result<()> {
@@ -105,12 +105,12 @@ impl Tracker {
         self.committee.init(image, bbox)
     }
 
-    /// Tracks the target into the next picture of the video. With `[sensor]` the overview is read first, then the windows around the
-    /// expected place and the fovea at the gaze.
+    /// Tracks the target into the next picture of the video. With `[sensor]` the tracker reads the overview first, then the windows around
+    /// the expected place and the fovea at the gaze.
     ///
     /// # Errors
-    /// [`Error::Invalid`] before [`Tracker::init`], if the picture has another size or other planes than the first, or if it serves regions
-    /// only and the configuration has no `[sensor]`. If a source cannot be read: then give the target anew.
+    /// [`Error::Invalid`] before [`Tracker::init`], if the picture has another size or other planes than the first, or if it serves
+    /// regions only and the configuration has no `[sensor]`. An error of a source that cannot be read: set the target again after it.
     pub fn update<'a>(&'a mut self, picture: &'a dyn Regions) -> Result<Seen<'a>> {
         self.check_shape(picture.shape())?;
         if self.sensor.is_none() {
@@ -123,11 +123,11 @@ impl Tracker {
         self.committee.first_mut().step(World::Sensor { sensor, source: picture, detections })
     }
 
-    /// The same with the detections of your own detector, which replace those of the configuration's.
+    /// Tracks the target as [`Tracker::update`] does, with the detections of your own detector instead of those of the configuration's.
     ///
     /// # Errors
-    /// As [`Tracker::update`]; where the configuration uses no detections: it has neither `[detection_likelihood]` nor
-    /// `proposal = { kind = "mixture" }`.
+    /// As [`Tracker::update`]. [`Error::Invalid`] if the configuration has `[sensor]`, or uses no detections: it has neither
+    /// `[detection_likelihood]` nor `proposal = { kind = "mixture" }`.
     pub fn update_with<'a>(&'a mut self, image: &'a Image, detections: &'a [Detection]) -> Result<Seen<'a>> {
         if self.sensor.is_some() {
             return Err(Error::Invalid(
@@ -145,7 +145,7 @@ impl Tracker {
         self.step(image, Some(detections))
     }
 
-    /// One frame of a whole picture, with these detections or those of the configuration's detector.
+    /// Runs one frame on a whole picture, with these detections or those of the configuration's detector.
     fn step<'a>(&'a mut self, image: &'a Image, detections: Option<&'a [Detection]>) -> Result<Seen<'a>> {
         look(&mut self.preprocessor, &mut self.committee, image);
         let detections = detections.unwrap_or(self.preprocessor.detections());
@@ -155,8 +155,8 @@ impl Tracker {
         Ok(Seen { values, ..seen })
     }
 
-    /// Shows a picture that is not tracked in to the detector and the camera motion, which compare pictures: one before the target is
-    /// given, or the last one before [`Tracker::load`]. With `[sensor]` the overview is read.
+    /// Shows a picture without tracking to the detector and the camera motion, which compare pictures: one before the target is given, or
+    /// the last one before [`Tracker::load`]. With `[sensor]` the overview is read.
     ///
     /// # Errors
     /// [`Error::Invalid`] if the picture serves regions only and the configuration has no `[sensor]`. An error of a source that cannot be
@@ -169,12 +169,12 @@ impl Tracker {
         Ok(())
     }
 
-    /// What was read of the last picture, painted into a picture of its own; `None` without `[sensor]`.
+    /// Returns the parts that were read of the last picture, painted into a picture; `None` without `[sensor]`.
     pub fn sensed(&self) -> Option<&Image> {
         self.sensor.as_ref().map(Sensor::seen)
     }
 
-    /// Whether there is a target, and the picture is like the first one.
+    /// Checks that there is a target, and that the picture has the shape of the first one.
     fn check_shape(&self, found: [usize; 3]) -> Result<()> {
         let Some(first) = self.shape.filter(|_| self.committee.has_target()) else {
             return Err(Error::Invalid("the tracker has no target: call init with a picture and a box first".into()));
@@ -189,11 +189,11 @@ impl Tracker {
         Ok(())
     }
 
-    /// Puts the target into this box: particles start about it, and P(lost) is 0 until the next picture. Everything else stays: the
-    /// template, what policy, discriminant, colour model and recogniser learned, and the random streams, which go on.
+    /// Moves the target into this box: draws the particles around it, and sets P(lost) to 0 until the next picture. The template, the
+    /// state of policy, discriminant, colour model and recogniser, and the random streams do not change.
     ///
     /// # Errors
-    /// [`Error::Invalid`] before [`Tracker::init`], or where the box is not finite or has no area.
+    /// [`Error::Invalid`] before [`Tracker::init`], or if the box is not finite or has no area.
     pub fn reset_at(&mut self, bbox: BBox) -> Result<()> {
         if !self.committee.has_target() {
             return Err(Error::Invalid("the tracker has no target to put somewhere: call init first".into()));
@@ -203,44 +203,44 @@ impl Tracker {
         Ok(())
     }
 
-    /// Says which share of the target the next pictures can show, 0 to 1, because something covers it. Its looks count for as
-    /// much less, and below one half they cannot make it lost. 1 until told otherwise.
+    /// Sets the visible fraction of the target in the next pictures, 0 to 1, if something occludes it; the default is 1. It scales the
+    /// evidence of the looks; below one half they cannot change the status to lost.
     pub fn set_visibility(&mut self, visible: f64) {
         self.committee.set_visibility(visible);
     }
 
-    /// Whether there is a target: it was given, or loaded.
+    /// Returns whether there is a target, set by [`Tracker::init`] or loaded.
     pub fn has_target(&self) -> bool {
         self.committee.has_target()
     }
 
-    /// Half the size of the target's box at scale 1, pixels; `None` before [`Tracker::init`].
+    /// Returns half the size of the target's box at scale 1, pixels; `None` before [`Tracker::init`].
     pub fn extent(&self) -> Option<Extent> {
         self.committee.extent()
     }
 
-    /// The parts, to look at.
+    /// Returns the parts.
     pub fn parts(&self) -> &Parts {
         self.committee.parts()
     }
 
-    /// The whole state in mid-video, to go on from bit for bit with [`Tracker::load`]. What detector and camera motion saw is
-    /// not in it: show the last picture again with [`Tracker::skip`].
+    /// Returns the whole state in mid-video; [`Tracker::load`] resumes from it bit for bit. It excludes the pictures that the detector and
+    /// the camera motion compare: show the last picture again with [`Tracker::skip`].
     pub fn save(&self) -> serde_json::Value {
         let saved =
             Saved { format: FORMAT, origin: self.origin.clone(), shape: self.shape, engine: self.committee.save() };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Takes up what [`Tracker::save`] gave, in a tracker of the same configuration and seed. After an error the tracker has to
-    /// be given its target anew.
+    /// Restores a state that [`Tracker::save`] returned, in a tracker of the same configuration and seed. After an error, set the target
+    /// again.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where it is not a saved tracker, is of another version, or was saved with another configuration or seed: the
-    /// error names the settings that differ. The contents of model files are not compared.
+    /// [`Error::Invalid`] if it is not a saved tracker, is of another version, or was saved with another configuration or seed: the error
+    /// names the settings that differ. The contents of model files are not compared.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
-        // First of all: a state of another format has other fields.
+        // Check the format first: a state of another format has other fields.
         if let Some(format) = saved["format"].as_u64().filter(|format| *format != u64::from(FORMAT)) {
             return Err(bad(format!("its format is {format}, this version writes and reads {FORMAT}")));
         }
@@ -255,7 +255,7 @@ impl Tracker {
     }
 }
 
-/// Shows the next picture to what compares pictures, and moves the particles with the camera.
+/// Shows the next picture to the preprocessor, and moves the particles with the camera.
 fn look(preprocessor: &mut Preprocessor, committee: &mut Committee, image: &Image) {
     preprocessor.look(image);
     if let Some(flow) = preprocessor.flow() {
@@ -263,21 +263,21 @@ fn look(preprocessor: &mut Preprocessor, committee: &mut Committee, image: &Imag
     }
 }
 
-/// The picture as the tracker sees it: what the sensor has read, or the whole.
+/// Returns the picture that the tracker uses: the parts that the sensor has read, or the whole.
 fn visible<'a>(sensor: Option<&'a Sensor>, picture: &'a dyn Regions) -> Result<&'a Image> {
     let unsensed = || Error::Invalid("this configuration reads whole pictures; add [sensor] to read regions".into());
     sensor.map(Sensor::seen).or_else(|| picture.whole()).ok_or_else(unsensed)
 }
 
 impl Blueprint {
-    /// A tracker for one target.
+    /// Creates a tracker of one target.
     ///
     /// # Errors
-    /// None for a checked configuration; [`Error::Config`] where a part cannot be made after all.
+    /// None for a checked configuration; [`Error::Config`] if a part cannot be created.
     pub fn tracker(&self, seed: u64) -> Result<Tracker> {
         self.tracker_of(seed, 0)
     }
-    /// The same with the randomness of target `target`: trackers of several targets share a seed, and no draw.
+    /// Creates a tracker with the random streams of target `target`: trackers of several targets share a seed, but no draw.
     ///
     /// # Errors
     /// As [`Blueprint::tracker`].
@@ -292,7 +292,7 @@ mod tests {
     use super::*;
     use crate::engine::toy::{Toy, parts, picture, target};
 
-    /// A flow or a detector reads all of the picture; without either only what was looked at counts.
+    /// All values count with a flow or a detector, which read the whole picture; without them only the pixels of the looks do.
     #[test]
     fn all_values_count_if_the_preprocessor_reads_the_whole_picture() {
         for (flow, all) in [(None, false), (Some(0), true)] {

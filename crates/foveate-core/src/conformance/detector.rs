@@ -1,4 +1,4 @@
-//! The law of detectors.
+//! The conformance test of detectors.
 
 use rand::RngExt;
 
@@ -6,11 +6,11 @@ use super::checks;
 use crate::scene::detect::Detector;
 use crate::scene::{Detection, Image};
 
-/// Boxes lie within the picture and come best first, with finite positive scores; `found` is emptied first; the map covers
-/// the frame and has no negative value; the same frames give the same; a frame of another size begins a new video; grey,
-/// colour, tiny and thin pictures do not panic, and one even grey holds nothing.
+/// Checks that boxes lie within the picture, best first, with finite positive scores; that `found` is cleared first; that the map covers
+/// the frame without negative values; and that the same frames give the same result. A frame of another size must start a new video. Grey,
+/// colour, tiny and thin pictures must not panic, and a uniform grey one has no detection.
 ///
-/// `make` gives new detectors of the same settings.
+/// `make` returns new detectors of the same settings.
 pub fn detector(make: &dyn Fn() -> Box<dyn Detector>) {
     let mut rng = checks().rng(7);
     let mut video = vec![];

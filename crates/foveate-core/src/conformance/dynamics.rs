@@ -1,14 +1,14 @@
-//! The law of dynamics.
+//! The conformance test of dynamics.
 
 use super::{assert_mean, checks};
 use crate::control::Dynamics;
 use crate::geometry::State;
 
-/// `sample` and `sample_each` draw from the density that `log_density` evaluates, about `expected` in place and velocity, and
-/// places as far from it as `spread` says; three frames by `over` lead where three frames lead.
+/// Checks that `sample` and `sample_each` draw from the density that `log_density` evaluates, with the place and velocity of `expected` as
+/// mean and the deviation of `spread` in place, and that `over` three frames leads where three single frames lead.
 ///
-/// If p is the density of the draws, any density g that lies within p's reach has the mean of g/p equal to 1.
-/// Here g is a narrower normal density at the draws' mean, then moved to each side; 20,000 draws, 38 checks.
+/// If p is the density of the draws, any density g within the support of p has a mean of g/p equal to 1. Here g is a narrower normal
+/// density at the draws' mean, then shifted to each side; 20,000 draws, 38 checks.
 pub fn dynamics(dynamics: &dyn Dynamics, from: &State) {
     const DRAWS: usize = 20_000;
     let one_by_one = |stream| -> Vec<State> {
@@ -61,7 +61,7 @@ pub fn dynamics(dynamics: &dyn Dynamics, from: &State) {
     }
 }
 
-/// A normal density over those components of a state that do not follow from others, 0.7 times as wide as draws.
+/// A normal density over the independent components of a state, 0.7 times as wide as the draws.
 struct Normal {
     mean: [f64; 6],
     /// Each free component with its row of the lower Cholesky factor over the free ones up to it.
@@ -69,7 +69,7 @@ struct Normal {
 }
 
 impl Normal {
-    /// Velocities first, so that places which follow from them do not count.
+    /// Velocities first, so that places that follow from them are not free.
     const ORDER: [usize; 6] = [2, 3, 0, 1, 4, 5];
 
     fn fit(states: &[State]) -> Self {
@@ -94,7 +94,7 @@ impl Normal {
         }
         Self { mean, rows }
     }
-    /// log g, moved by `shift` of its deviations along free component `dim` (not at all past the last).
+    /// Returns log g, shifted by `shift` deviations along free component `dim` (not at all past the last).
     fn log_density(&self, state: &State, dim: usize, shift: f64) -> f64 {
         let (state, mut z, mut log_g) = (state.to_array(), Vec::new(), 0.0);
         for (k, (i, row)) in self.rows.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The laws of proposals.
+//! The conformance tests of proposals.
 
 use super::assert_mean;
 use crate::control::{CHUNK, Proposal};
@@ -6,9 +6,9 @@ use crate::geometry::{BBox, State};
 use crate::scene::{Detection, Scene};
 use foveate_base::rng::{Purpose, Streams};
 
-/// Children depend on their parent, the scene and the stream of their chunk; log p/q is finite, and the mean of
-/// p/q over q's draws is 1 for every parent (32 batches of 1,024 children). A proposal that uses no detections gives the same children with
-/// and without them.
+/// Checks that children depend on their parent, the scene and the stream of their chunk only, that log p/q is finite, and that the mean of
+/// p/q over q's draws is 1 for every parent (32 batches of 1,024 children). A proposal that uses no detections must give the same children
+/// with and without them.
 pub fn proposal(proposal: &mut dyn Proposal, scene: Scene<'_>, parent: &State) {
     const N: usize = 16 * CHUNK;
     let parents = [*parent; N];
@@ -40,10 +40,10 @@ pub fn proposal(proposal: &mut dyn Proposal, scene: Scene<'_>, parent: &State) {
     assert_mean(&ratios, 1.0, "the mean of p/q over the children");
 }
 
-/// Children weighted by p/q have the means that children of p have: of each component, its square, and the products with x.
+/// Checks that children weighted by p/q have the same means as children of p: of each component, its square, and the products with x.
 ///
-/// `q` and `p` propose for the same parent, 64 batches of 1,024 children. Means within 5.5 standard errors of their
-/// difference; 23 checks, of which a correct proposal fails one less than once in 10⁶ calls.
+/// `q` and `p` propose for the same parent, 64 batches of 1,024 children. Means must agree within 5.5 standard errors of their difference.
+/// Of the 23 checks a correct proposal fails one less than once in 10⁶ calls.
 pub fn proposal_weights(q: &mut dyn Proposal, p: &mut dyn Proposal, scene: Scene<'_>, parent: &State) {
     const N: usize = 16 * CHUNK;
     const BATCHES: u64 = 64;

@@ -1,14 +1,15 @@
-//! The law of recognisers.
+//! The conformance test of recognisers.
 
 use super::checks;
 use crate::geometry::Gaze;
 use crate::identity::Recognizer;
 use rand::RngExt;
 
-/// What a recogniser says are log-probabilities: not NaN, summing to 1. After `reset` it says of the same looks the same,
-/// whatever it saw before; so does one that loads, as JSON text, what was saved in between. What does not fit is refused.
+/// Checks that the result is log-probabilities: not NaN, with probabilities that sum to 1. After `reset` the same looks must give the same
+/// result, whatever came before; so must a recogniser that loads a state saved in between, as JSON text. A state that does not fit must be
+/// an error.
 ///
-/// `make` gives new recognisers of the same settings. Looks are random features, 0 to 1, at random gazes.
+/// `make` returns new recognisers of the same settings. Looks are random features, 0 to 1, at random gazes.
 pub fn recognizer(make: &dyn Fn() -> Box<dyn Recognizer>) {
     const LOOKS: usize = 7;
     let mut rng = checks().rng(9);

@@ -1,9 +1,9 @@
-//! The law of sources that serve regions.
+//! The conformance test of sources that serve regions.
 
 use crate::scene::sensor::{Regions, Window};
 
-/// A window's bytes depend on the window alone, and the mean of a bin lies between the pixels that it covers, up to what a source
-/// that keeps coarser pictures rounds: two grey levels. Bins at the borders may be cut.
+/// Checks that a window's bytes depend on the window alone, and that the mean of a bin lies between the pixels that it covers, within two
+/// grey levels for sources that keep rounded coarser pictures. Bins at the borders may be cut.
 pub fn regions(source: &dyn Regions) {
     let [width, height, planes] = source.shape();
     assert!(width > 0 && height > 0 && (planes == 1 || planes == 3), "{width} x {height} with {planes} planes");

@@ -118,8 +118,8 @@ impl Bayes {
             _ => None,
         }
     }
-    /// Student-t on each length scale about half the square's half side, uniform on the two variances (section 4.4; the
-    /// paper prints no numbers).
+    /// Returns the priors: Student-t on each length scale about half the square's half side, uniform on the two variances (section 4.4;
+    /// the paper prints no numbers).
     pub(super) fn priors(&self) -> Result<Priors<2>> {
         let location = 0.5 * self.reach;
         let length_scale = StudentT::new(4.0, location, location / 3.0, (0.2 * location, 5.0 * location))?;

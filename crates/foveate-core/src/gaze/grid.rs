@@ -17,7 +17,7 @@ pub struct Grid {
 }
 
 impl Default for Grid {
-    /// The prototype's: ±7 px on a digit of 28 px. The authors' figure has 0.83.
+    /// The grid of the authors' prototype: ±7 px on a digit of 28 px. The authors' figure has 0.83.
     fn default() -> Self {
         Self { n: 3, reach: 0.5 }
     }
