@@ -11,8 +11,8 @@ use super::view::View;
 use crate::control::TrackConfidence;
 use crate::scene::Scene;
 
-/// P(lost) of the first tracker below which a lost second tracker restarts at the estimate. It is small because a second tracker that
-/// restarts more readily agrees with the first one, right or wrong (docs/lab/confidence.md).
+/// P(lost) of the first tracker without the agreement cue, below which a lost second tracker restarts at the estimate. It is small because
+/// a second tracker that restarts more readily agrees with the first one, right or wrong (docs/lab/confidence.md).
 const SURE: f64 = 0.005;
 
 /// Steps the second tracker. Returns the overlap (IoU) of its box with the box at the estimate of the first; `None` without a second

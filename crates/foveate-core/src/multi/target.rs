@@ -122,7 +122,7 @@ impl Target {
         let (gaze, bbox, p_lost) = (step.gaze, step.bbox, step.p_lost);
         let lost = self.engine.is_searching() && detections.is_empty();
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
-        // Looks cannot show a loss while another target overlaps it; a guess is declared once the occlusion has lasted too long.
+        // Looks cannot show a loss while another target overlaps it; after too long an occlusion the box counts as a guess.
         self.lost = if lost { self.lost + usize::from(!self.engine.meets_another()) } else { 0 };
         let visible = self.track.visible;
         let hidden = visible < s.occlusion.hidden || (visible < 1.0 && self.engine.is_contested());
