@@ -1,4 +1,4 @@
-//! The experiments of the paper: its tables and figures beside those of foveate, with the program's own commands.
+//! The paper's experiments: its tables and figures beside those of foveate, with the program's own commands.
 #![forbid(unsafe_code)]
 
 mod autoencoder;
@@ -33,7 +33,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run the paper's experiments and put its tables and figures beside ours, on one page
+    /// Run the paper's experiments and show its tables and figures beside those of foveate, on one page
     Reproduce(reproduce::Args),
     /// Train a model
     Train(train::Args),

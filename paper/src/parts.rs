@@ -1,4 +1,4 @@
-//! The paper's parts that no shipped configuration uses, under the names that configurations give them.
+//! The paper's parts that no shipped configuration uses, under their names in configurations.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use serde::Deserialize;
 use crate::autoencoder::Autoencoder;
 use crate::mcrbm::{FactoredEncoder, FactoredRbm, Units};
 
-/// The encoders `mcrbm` and `autoencoder`.
+/// Returns the encoders `mcrbm` and `autoencoder`.
 pub(crate) fn parts() -> Parts {
     Parts::new().with_encoder("mcrbm", mcrbm).with_encoder("autoencoder", autoencoder)
 }
@@ -24,7 +24,7 @@ struct McrbmSettings {
     /// A model file, or `builtin:natural-mcrbm`.
     #[serde(default = "natural_mcrbm")]
     weights: String,
-    /// Which of its units are features.
+    /// The units used as features.
     #[serde(default)]
     units: Units,
 }
@@ -36,7 +36,7 @@ struct AutoencoderSettings {
     /// A model file, or `builtin:natural-autoencoder`.
     #[serde(default = "natural_autoencoder")]
     weights: String,
-    /// How its weights are rounded.
+    /// Rounding of the weights.
     #[serde(default)]
     precision: Precision,
 }
@@ -67,10 +67,10 @@ const MODELS: [(&str, &[u8]); 2] = [
     ("builtin:natural-autoencoder", include_bytes!("../models/natural-autoencoder.safetensors")),
 ];
 
-/// Reads a model and what is known of it.
+/// Reads a model and its metadata.
 type Reader<M> = fn(&[u8], &Path) -> Result<(M, Metadata)>;
 
-/// A model with the retina that it was trained with; a configuration may ask for no other.
+/// Returns a model with the retina of its training; fails if the configuration specifies another one.
 fn model<M>(weights: &str, site: &EncoderSite<'_>, from_bytes: Reader<M>) -> Result<(M, Foveal)> {
     let path = Path::new(weights);
     let (model, metadata) = match MODELS.iter().find(|(name, _)| *name == weights) {

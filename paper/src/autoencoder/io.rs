@@ -12,21 +12,21 @@ const KIND: &str = "autoencoder";
 const CHECKPOINT: &str = "autoencoder-checkpoint";
 
 impl Autoencoder {
-    /// W, b and c, as model files have them.
+    /// Returns W, b and c in the order of model files.
     pub(crate) fn tensors(&self) -> Vec<Tensor<'_>> {
         self.layer.tensors()
     }
-    /// From the tensors of a model file, which are used up to what does not belong to one; problems in words.
+    /// Creates the model from the tensors of a file, and removes them from `tensors`. Errors are texts.
     pub(crate) fn of_tensors(tensors: &mut Tensors) -> std::result::Result<Self, String> {
         Ok(Self { layer: Rbm::of_tensors(Visible::Gaussian, tensors)? })
     }
-    /// Writes a model file; it is whole or not there.
+    /// Writes a model file; it is complete or absent.
     pub(crate) fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
         files::write(path, &pack(KIND, About { metadata: metadata.clone() }, &self.tensors()))
     }
-    /// Reads a model from the bytes of a file; `path` stands for it in errors.
+    /// Reads a model from the bytes of a file; `path` names it in errors.
     ///
-    /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
+    /// Fails, with the reason, if the bytes are no model file, have another format or kind, or are damaged.
     pub(crate) fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
         let (found, about) = open(bytes, path, KIND, |_: &About, tensors| Self::of_tensors(tensors))?;
         Ok((found, about.metadata))
@@ -34,7 +34,7 @@ impl Autoencoder {
 }
 
 impl Trainer {
-    /// Writes a checkpoint; the file is whole or as it was before. `data_sha256` names the training rows.
+    /// Writes a checkpoint; after an error the previous file stays. `data_sha256` identifies the training rows.
     ///
     /// Fails if the training has diverged, or the file cannot be written.
     pub(crate) fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
@@ -43,9 +43,9 @@ impl Trainer {
         all.push(("velocity", vec![self.velocity.len()], &self.velocity));
         save(path, CHECKPOINT, (&self.recipe, self.progress(), data_sha256), &all)
     }
-    /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same rows.
+    /// Resumes from a checkpoint with the same recipe (except the number of epochs) and the same rows.
     ///
-    /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
+    /// Fails, with the reason, if the recipe or the data differ, or the file is damaged.
     pub(crate) fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
         let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
         let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;

@@ -1,7 +1,7 @@
-//! Learning by stochastic gradient descent with momentum.
+//! Training by stochastic gradient descent with momentum.
 //!
-//! With δ = v̂ − v and γ = δW ∘ h ∘ (1 − h): ∂/∂W = ṽᵀγ + δᵀh, ∂/∂b = δ, ∂/∂c = γ. Every row has its own random stream for
-//! its noise: the same seed gives the same bits for any number of threads, and after any interruption.
+//! With δ = v̂ − v and γ = δW ∘ h ∘ (1 − h): ∂/∂W = ṽᵀγ + δᵀh, ∂/∂b = δ, ∂/∂c = γ. Every row has its own random stream for its noise: the
+//! same seed gives the same bits for any number of threads, and after any interruption.
 
 use super::Autoencoder;
 use foveate::learn::rbm::epoch_state::EpochState;
@@ -14,10 +14,10 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// The most hidden units, and rows of a batch.
+/// Maximum number of hidden units, and of rows of a batch.
 const MOST: usize = 1 << 16;
 
-/// How to learn.
+/// Training settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Recipe {
@@ -27,22 +27,22 @@ pub(crate) struct Recipe {
     pub epochs: usize,
     /// Rows in a mini-batch; rows that do not fill one wait for the next epoch.
     pub batch: usize,
-    /// Step along the mean gradient of a batch.
+    /// Learning rate for the mean gradient of a batch.
     pub rate: f32,
     /// 0 to 1 (exclusive): velocity = momentum · velocity + (1 − momentum) · rate · gradient.
     pub momentum: f32,
-    /// Share of a row's values that noise sets to 0.
+    /// Fraction of a row's values that noise sets to 0.
     pub mask: f32,
     /// Standard deviation of the noise added to the others.
     pub noise: f32,
-    /// Pull of the weights towards 0, in proportion to them.
+    /// L2 weight decay.
     pub l2: f32,
-    /// Names all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
 impl Recipe {
-    /// The usual settings, to be changed field by field.
+    /// Returns the default settings, to be changed field by field.
     pub(crate) fn new(hidden: usize) -> Self {
         let (mask, noise) = (0.3, 0.5);
         Self { hidden, epochs: 30, batch: 100, rate: 0.5, momentum: 0.9, mask, noise, l2: 1e-3, seed: 1 }
@@ -65,12 +65,12 @@ impl Recipe {
     }
 }
 
-/// An autoencoder being trained: everything that the rest of the training depends on, the data apart.
+/// The state of a training run, without the data.
 #[derive(Debug)]
 pub(crate) struct Trainer {
     pub(super) recipe: Recipe,
     pub(super) model: Autoencoder,
-    /// Of W, then b, then c.
+    /// Velocities of W, then b, then c.
     pub(super) velocity: Vec<f32>,
     pub(super) state: EpochState,
     work: Work,
@@ -86,8 +86,8 @@ struct Work {
 }
 
 impl Trainer {
-    /// Begins with small random weights and biases 0. Fails if the recipe is out of range, a value is not finite, or there
-    /// is no full batch.
+    /// Starts with small random weights and biases 0. Fails if the recipe is out of range, a value is not finite, or there is no full
+    /// batch.
     pub(crate) fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
         recipe.check()?;
         if rows.len() < recipe.batch || !rows.data().iter().all(|x| x.is_finite()) {
@@ -99,7 +99,7 @@ impl Trainer {
         }
         let (n_v, n_h) = (rows.width(), recipe.hidden);
         let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(0);
-        // So that excitations begin at a half or so.
+        // With this scale the initial hidden activations are near one half.
         let sd = 0.5 / (n_v as f32).sqrt();
         let mut normal = || -> f32 { StandardNormal.sample(&mut rng) };
         let weights = (0..n_v * n_h).map(|_| sd * normal()).collect();
@@ -108,11 +108,11 @@ impl Trainer {
         Ok(Self { recipe, model, velocity, state: EpochState::default(), work: Work::default() })
     }
     foveate::learn::training_accessors!();
-    /// Batches an epoch has for this many rows.
+    /// Returns the number of batches per epoch for this many rows.
     pub(crate) fn batches(&self, rows: usize) -> usize {
         rows / self.recipe.batch
     }
-    /// The autoencoder as it stands.
+    /// Returns the current autoencoder.
     pub(crate) fn learned(&self) -> &Autoencoder {
         &self.model
     }
@@ -125,7 +125,7 @@ impl Trainer {
         }
         Err(self.state.diverged(self.recipe.rate))
     }
-    /// One mini-batch. `rows` must be those the training began with.
+    /// Trains on one mini-batch. `rows` must be those of the first batch.
     pub(crate) fn step(&mut self, rows: Rows<'_>) {
         let (n_v, r) = (rows.width(), &self.recipe);
         let draws = self.state.draws(r.seed);
@@ -143,7 +143,7 @@ impl Trainer {
         self.descend();
         self.state.done(self.batches(rows.len()));
     }
-    /// ∂/∂(W, b, c) of the mean of ½‖v̂ − v‖² over `clean` rows, seen as `work.noisy`.
+    /// Computes ∂/∂(W, b, c) of the mean of ½‖v̂ − v‖² over `clean` rows with corrupted versions `work.noisy`.
     fn gradient(&mut self, clean: Rows<'_>) {
         let layer = &self.model.layer;
         let ((n_v, n_h), m) = (layer.shape(), clean.len());

@@ -1,7 +1,7 @@
 //! How fast a policy learns where to look: the curve of the companion paper (Bazzani et al., ICML 2011, figure 4).
 //!
-//! Its figure shows Hedge's probabilities over nine gazes at a few frames of one video of an eight, as bars. The centre's
-//! are [`PAPER`]. A [`Learning`] is the same curve of one tracker on one synthetic video, a [`Curve`] that of many videos.
+//! The figure shows Hedge's probabilities over nine gazes as bars, at a few frames of one video of an eight. [`PAPER`] has the
+//! probabilities of the centre. A [`Learning`] is the same curve of one tracker on one synthetic video, a [`Curve`] that of many videos.
 
 use kuva::plot::{LinePlot, ScatterPlot};
 use kuva::prelude::{Figure, Layout, LegendPosition, Plot, SvgBackend, TickFormat};
@@ -19,14 +19,14 @@ use foveate::text::counted;
 use foveate::video::Frame;
 use foveate::{Error, Result};
 
-/// Frame, counted from 1, and the probability of the centre gaze there: read off the bars of the companion paper's
-/// figure, to about ±0.03. Its fourth bar is .93 and lies between frames 181 and 215.
+/// Frame, counted from 1, and the probability of the centre gaze there: read off the bars of the companion paper's figure, to about ±0.03.
+/// Its fourth bar is .93 and lies between frames 181 and 215.
 pub(crate) const PAPER: [(usize, f64); 6] = [(20, 0.2), (69, 0.5), (142, 0.85), (181, 0.93), (215, 0.93), (260, 0.98)];
 
 /// A run counts as on target if the centre error is above [`OFF`] in at most this share of its frames.
 pub(crate) const OFF_SHARE: f64 = 0.05;
 
-/// One tracker on one video, and how likely it was to look at the centre.
+/// One tracker on one video, with the probability of the centre gaze over time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Learning {
     /// The track.
@@ -36,7 +36,7 @@ pub(crate) struct Learning {
 }
 
 impl Learning {
-    /// Follows a video's target from its true first box, with the template made as `template` says.
+    /// Follows a video's target from its true first box, with the template made according to `template`.
     ///
     /// # Errors
     /// The tracker refuses the first box, or its policy has no probability for the centre gaze.
@@ -58,30 +58,30 @@ impl Learning {
         }
         Ok(learning)
     }
-    /// Whether it could be that of a video of so many frames.
+    /// Returns whether it can belong to a video with this number of frames.
     pub(crate) fn is_of(&self, frames: usize) -> bool {
         self.run.is_of(frames) && self.centre.len() == self.run.errors.len()
     }
-    /// Whether it followed the target: see [`OFF_SHARE`].
+    /// Returns whether the tracker followed the target: see [`OFF_SHARE`].
     pub(crate) fn on_target(&self) -> bool {
         let off = self.run.errors.iter().filter(|e| **e > OFF).count();
         off as f64 <= OFF_SHARE * self.run.errors.len() as f64
     }
 }
 
-/// What the target's template is read from.
+/// The source of the target's template.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Template {
-    /// The first frame as it is.
+    /// The unchanged first frame.
     #[default]
     Frame,
-    /// As in the authors' program: the box cut out, 3 × 3 median filtered, black around it.
+    /// As in the authors' program: the box cut out, 3 × 3 median filtered, on black.
     Authors,
 }
 
 impl Template {
-    /// The first frame as the tracker is to see it.
+    /// Returns the first frame as the tracker receives it.
     fn of(self, frame: Frame, bbox: &BBox) -> Frame {
         match self {
             Self::Frame => frame,
@@ -90,8 +90,8 @@ impl Template {
     }
 }
 
-/// A grey picture that is black outside a box; inside each pixel is the median of the 3 × 3 around it, of which those
-/// outside the box are 0.
+/// Returns a grey picture that is black outside the box; inside, each pixel is the median of its 3 × 3 neighbourhood, with 0 for pixels
+/// outside the box.
 fn cut_out(image: &Image, bbox: &BBox) -> Image {
     let side = |from: f64, long: f64, most: usize| {
         let end = (from + long).round().clamp(0.0, most as f64) as usize;
@@ -120,32 +120,32 @@ fn centre(snapshot: PolicySnapshot<'_>) -> Option<f64> {
     gazes.iter().position(|g| (g.u, g.v) == (0.0, 0.0)).map(|k| probabilities[k])
 }
 
-/// What many runs had at one frame.
+/// The statistics of many runs at one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Point {
-    /// Counted from 1.
+    /// The frame, counted from 1.
     pub frame: usize,
     /// Mean over the runs.
     pub mean: f64,
     /// Standard deviation over the runs.
     pub sd: f64,
-    /// Least, 10 %, median, 90 % and greatest.
+    /// Minimum, 10 %, median, 90 % and maximum.
     pub quantiles: [f64; 5],
 }
 
 /// The curve of several runs of the same length.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Curve {
-    /// What the runs are.
+    /// Description of the runs.
     pub name: String,
-    /// How many.
+    /// Number of runs.
     pub runs: usize,
-    /// Each frame from the second on.
+    /// One point for each frame from the second on.
     pub points: Vec<Point>,
 }
 
 impl Curve {
-    /// The curve of some runs; `None` without one.
+    /// Computes the curve of the runs; `None` without a run.
     pub(crate) fn of(name: &str, runs: &[&Learning]) -> Option<Self> {
         let frames = runs.first()?.centre.len();
         let point = |i: usize| {
@@ -155,18 +155,18 @@ impl Curve {
         };
         Some(Self { name: name.into(), runs: runs.len(), points: (0..frames).map(point).collect() })
     }
-    /// The paper's frames that the videos have, each with the paper's value.
+    /// Returns the paper's frames that the videos have, each with the paper's value.
     pub(crate) fn beside_paper(&self) -> impl Iterator<Item = (f64, &Point)> {
         PAPER.iter().filter_map(|(frame, p)| Some((*p, self.points.get(frame.checked_sub(2)?)?)))
     }
-    /// Root mean square difference of the median from the paper's values; NaN where there is none.
+    /// Returns the root mean square difference of the median from the paper's values; NaN if there is none.
     pub(crate) fn distance(&self) -> f64 {
         let off: Vec<f64> = self.beside_paper().map(|(p, at)| (at.quantiles[2] - p).powi(2)).collect();
         (off.iter().sum::<f64>() / off.len() as f64).sqrt()
     }
 }
 
-/// Aligned text: each curve at the paper's frames.
+/// Formats each curve at the paper's frames as aligned text.
 pub(crate) fn text(curves: &[Curve]) -> String {
     let heads = ["runs of", "runs", "frame", "paper", "mean", "sd", "least", "10 %", "median", "90 %", "greatest", ""];
     let mut rows = vec![heads.map(String::from).to_vec()];
@@ -198,7 +198,7 @@ pub(crate) fn text(curves: &[Curve]) -> String {
     )
 }
 
-/// A panel for each curve: median, the band from 10 to 90 %, the paper's points. SVG text.
+/// Plots a panel for each curve: median, the band from 10 to 90 %, the paper's points. Returns SVG text.
 pub(crate) fn plot(curves: &[Curve]) -> String {
     let panel = |curve: &Curve| {
         let along = |q: usize| curve.points.iter().map(move |p| p.quantiles[q]);
@@ -274,7 +274,7 @@ mod tests {
         for (i, value) in out.plane(0).iter().enumerate() {
             let (x, y) = (i % 8, i / 8);
             let inside = (2..7).contains(&x) && (1..6).contains(&y);
-            // A corner has five neighbours outside, so its median is black; the bright pixel is alone, so it goes.
+            // A corner has five neighbours outside, so its median is black; the median removes the single bright pixel.
             let corner = [2, 6].contains(&x) && [1, 5].contains(&y);
             assert_eq!(*value, if inside && !corner { 100 } else { 0 }, "{x} {y}");
         }

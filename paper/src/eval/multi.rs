@@ -1,7 +1,7 @@
-//! The paper's second experiment as a table: many digits that grow, turn and cross, and what becomes of their tracks.
+//! The paper's second experiment as a table: many digits that grow, turn and cross, and the accuracy of their tracks.
 //!
-//! A [`Run`] is one way to follow all targets of one synthetic video from their true first boxes. A [`Line`] sums up runs:
-//! the scores of MOTChallenge, crossings, and how well size and angle are known.
+//! A [`Run`] is one way to follow all targets of one synthetic video from their true first boxes. A [`Line`] summarises runs: the scores of
+//! MOTChallenge, identity preservation at crossings, and the errors of size and angle.
 
 use std::time::Instant;
 
@@ -17,24 +17,24 @@ use foveate::report::Observer;
 use foveate::video::Frame;
 use foveate::{Error, Result, Seen};
 
-/// Follows all targets of a video: the first frame's boxes, then frame by frame.
+/// Follows all targets of a video: first the boxes of the first frame, then frame by frame.
 pub(crate) trait Follower {
-    /// The first frame, and the boxes of targets 1, 2, ...
+    /// Starts on the first frame with the boxes of targets 1, 2, ...
     fn start(&mut self, frame: &Frame, boxes: &[BBox]) -> Result<()>;
-    /// One more frame.
+    /// Tracks in the next frame.
     fn step(&mut self, frame: &Frame) -> Result<()>;
-    /// The targets after the last frame, by id: places in `boxes`, counted from 1.
+    /// Returns the targets after the last frame, by id: indices of `boxes`, counted from 1.
     fn seen(&self) -> &[Seen<'static>];
 }
 
-/// One tracker a target, none of which knows of the others.
+/// An independent tracker for each target.
 pub(crate) struct Alone {
     trackers: Vec<Tracker>,
     seen: Vec<Seen<'static>>,
 }
 
 impl Alone {
-    /// With a tracker for each target.
+    /// Creates a follower with a tracker for each target.
     pub(crate) fn new(trackers: Vec<Tracker>) -> Self {
         Self { trackers, seen: vec![] }
     }
@@ -82,22 +82,22 @@ impl Follower for MultiTracker {
     }
 }
 
-/// One target in one frame, as it was believed to be.
+/// The estimate of one target in one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Found {
     /// The frame, from 0.
     pub frame: usize,
     /// The target, from 1.
     pub id: u64,
-    /// Where.
+    /// The box.
     pub bbox: BBox,
-    /// Logarithm of its size relative to its first frame.
+    /// Logarithm of the size relative to the first frame.
     pub log_scale: f64,
-    /// Its turn since then, radians.
+    /// Rotation since the first frame, radians.
     pub angle: f64,
     /// Whether the box is a result rather than a guess.
     pub sure: bool,
-    /// What it is called.
+    /// The class.
     pub class: Option<usize>,
 }
 
@@ -106,7 +106,7 @@ pub(crate) struct Found {
 pub(crate) struct Run {
     /// Length of the video.
     pub frames: usize,
-    /// All targets in all frames, the first one included.
+    /// The estimates of all targets in all frames, including the first.
     pub found: Vec<Found>,
     /// Time in the follower from the second frame on, seconds.
     pub seconds: f64,
@@ -116,7 +116,7 @@ impl Run {
     /// Follows a video's targets from their true first boxes, and shows every frame to the observer.
     ///
     /// # Errors
-    /// Those of the follower and of the observer, whose `finish` is not called here.
+    /// Those of the follower and of the observer. The caller must call the observer's `finish`.
     pub(crate) fn follow(video: &MultiVideo, follower: &mut dyn Follower, observer: &mut dyn Observer) -> Result<Self> {
         let mut run = Self { frames: video.frames(), ..Self::default() };
         for frame in video.clone().source() {
@@ -143,18 +143,18 @@ impl Run {
         Ok(run)
     }
 
-    /// Whether these could be the results of a video of so many frames: a check of what was read from a file.
+    /// Returns whether the results can belong to a video with this number of frames: a check of a file's content.
     pub(crate) fn is_of(&self, frames: usize) -> bool {
         self.frames == frames && self.found.iter().all(|found| found.frame < frames)
     }
 
-    /// The boxes that are results.
+    /// Returns the boxes that are results.
     pub(crate) fn tracks(&self) -> Tracks {
         let one = |f: &Found| TrackBox { frame: f.frame, id: f.id as i64, bbox: f.bbox, confidence: 1.0 };
         Tracks { sightings: self.found.iter().filter(|f| f.sure).map(one).collect() }
     }
 
-    /// Its figures.
+    /// Computes the scores.
     ///
     /// # Errors
     /// The boxes cannot be scored.
@@ -183,33 +183,33 @@ impl Run {
     }
 }
 
-/// The figures of one run.
+/// The scores of one run.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Judged {
     /// MOTA, IDF1, HOTA and so on.
     pub score: Score,
-    /// What became of the crossings.
+    /// The outcomes of the crossings.
     pub crossings: Crossings,
-    /// For each target and frame from the second on: |size / true size − 1|.
+    /// |size / true size − 1| for each target and frame from the second on.
     pub scale: Vec<f64>,
-    /// For the same: the difference of angles, degrees, 0 to 180.
+    /// The difference of angles for the same targets and frames, degrees, 0 to 180.
     pub angle: Vec<f64>,
-    /// How many of these have a class.
+    /// The number of these with a class.
     pub named: usize,
-    /// How many of these have the right one.
+    /// The number of these with the right class.
     pub right: usize,
 }
 
 /// One line of the table: one way to follow, on all videos.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Line {
-    /// What was run.
+    /// Name of the tracker.
     pub name: String,
     /// Its configuration.
     pub configuration: String,
-    /// What the videos show.
+    /// Description of the videos.
     pub scene: String,
-    /// Number of videos. All scores are of all of them, pooled.
+    /// Number of videos. All scores are pooled over them.
     pub videos: usize,
     /// HOTA.
     pub hota: f64,
@@ -219,22 +219,22 @@ pub(crate) struct Line {
     pub mota: f64,
     /// Identity switches.
     pub switches: usize,
-    /// How many times two targets cross.
+    /// Number of crossings of two targets.
     pub crossings: usize,
-    /// Share of the crossings that preserve both identities: afterwards both targets have the tracks they had.
+    /// Fraction of the crossings that preserve both identities: afterwards both targets have the tracks they had.
     pub preserved: f64,
-    /// Share of the crossings that swap them: afterwards one has the other's.
+    /// Fraction of the crossings that swap identities: afterwards one target has the other's track.
     pub swapped: f64,
     /// Median over targets and frames of |size / true size − 1|.
     pub scale_error: f64,
-    /// The same of the difference of angles, degrees.
+    /// Median of the difference of angles, degrees.
     pub angle_error: f64,
-    /// Share of the frames with a class that have the right one; none without a recogniser.
+    /// Fraction of the frames with a class that have the right one; `None` without a recogniser.
     pub right: Option<f64>,
 }
 
 impl Line {
-    /// Sums up the figures of runs; `None` without any.
+    /// Summarises the scores of runs; `None` without a run.
     pub(crate) fn of(name: &str, configuration: &str, scene: &str, judged: &[Judged]) -> Option<Self> {
         let all = |values: fn(&Judged) -> &Vec<f64>| judged.iter().flat_map(values).copied().collect::<Vec<f64>>();
         let (scale, angle) = (all(|j| &j.scale), all(|j| &j.angle));
@@ -264,7 +264,7 @@ impl Line {
     }
 }
 
-/// Frames a second of videos with all their targets, in one thread.
+/// Returns the frames per second of videos with all their targets, in one thread.
 pub(crate) fn fps(runs: &[&Run]) -> Option<f64> {
     let frames: usize = runs.iter().map(|run| run.frames - 1).sum();
     let seconds: f64 = runs.iter().map(|run| run.seconds).sum();
@@ -279,7 +279,7 @@ mod tests {
     use foveate::lab::synthetic::Multi;
     use foveate::multi::Phase;
 
-    /// Says what is true, but for a size 10 % too large, an angle 3 degrees off, and a last target that is lost.
+    /// Returns the truth, except for a size 10 % too large, an angle 3 degrees off, and a lost last target.
     struct Oracle(MultiVideo, Vec<Seen<'static>>);
 
     impl Oracle {
@@ -330,7 +330,7 @@ mod tests {
         assert!(judged.scale.iter().all(|e| (e - 0.1).abs() < 1e-9) && judged.scale.len() == 120);
         assert!(judged.angle.iter().all(|e| (e - 3.0).abs() < 1e-9));
         assert_eq!((judged.named, judged.right), (120, 80));
-        // Three of four boxes are there: recall 3/4, precision 1.
+        // Three of four boxes are found: recall 3/4, precision 1.
         assert!((judged.score.clear.mota - 0.75).abs() < 1e-9);
         assert!((judged.score.identity.idf1 - 2.0 * 0.75 / 1.75).abs() < 1e-9);
         let line = Line::of("oracle", "none", "digits", &[judged]).expect("a run");

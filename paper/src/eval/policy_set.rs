@@ -1,17 +1,16 @@
-//! The policies that an experiment compares, made from a configuration's own.
+//! The policies that an experiment compares, derived from a configuration's own policy.
 
 use foveate::config::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig, PolicyConfig};
 use foveate::gaze::{Bayes, Grid, Schedule};
 use foveate::lab::eval::regret::reach;
 
-/// The baseline: always the middle of the template.
+/// The baseline: always the centre of the template.
 pub(crate) const FIXED: PolicyConfig = PolicyConfig::Fixed { u: 0.0, v: 0.0 };
 
-/// The fixed centre first, then every policy of the paper with its variants, then those that
-/// look at the centre too.
+/// Returns the fixed centre first, then every policy of the paper with its variants, then those that look at the centre too.
 ///
-/// All look within the reach of `own`: grids are 3 × 3 over it. Hedge has the rate of `own`, and GP-UCB its settings; where
-/// it has none, γ = 5 (the theory's rate for 300 frames, 0.24, learns too late), the usual settings, and a guard of 0.7.
+/// All look within the reach of `own`: grids are 3 × 3 over it. Hedge has the rate of `own`, and GP-UCB its settings. If `own` has none, γ
+/// = 5 (the theory's rate for 300 frames, 0.24, learns too late), default settings, and a guard of 0.7 apply.
 pub(crate) fn policies(own: &PolicyConfig) -> Vec<PolicyConfig> {
     let grid = Grid { n: 3, reach: reach(own).unwrap_or(Grid::default().reach) };
     let gamma = gamma_of(own).unwrap_or(Schedule::Fixed(5.0));
@@ -55,8 +54,8 @@ fn bayes_of(policy: &PolicyConfig) -> Option<Bayes> {
     }
 }
 
-/// What a policy is called in the table: its kind, with `anchor+` before the one beside an anchor, and what holds GP-UCB's
-/// exploration back after it.
+/// Returns the name of a policy in the table: its kind, preceded by `anchor+` for a policy beside an anchor, and followed by the limit of
+/// GP-UCB's exploration.
 pub(crate) fn policy_name(policy: &PolicyConfig) -> String {
     let kind = || {
         let value = serde_json::to_value(policy).expect("a configuration is plain data");

@@ -1,4 +1,4 @@
-//! Recognition along real tracks (the paper's table 2): how often the decision is right, frame by frame.
+//! Recognition along real tracks (the paper's table 2): the accuracy of the decision, frame by frame.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,13 +11,13 @@ use foveate::{Error, Result};
 /// One tracker with a recogniser on one video, from the second frame on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Recognised {
-    /// What the target is.
+    /// The true class of the target.
     pub digit: u8,
     /// Distance of the estimated centre from the true one, pixels.
     pub errors: Vec<f64>,
-    /// The likeliest class over all frames so far.
+    /// The most likely class over all frames so far.
     pub decided: Vec<u8>,
-    /// The likeliest class by each frame's own decision.
+    /// The most likely class of each frame's own decision.
     pub own: Vec<u8>,
     /// The probability of the true class over all frames so far.
     pub probability: Vec<f32>,
@@ -52,21 +52,21 @@ impl Recognised {
         Ok(run)
     }
 
-    /// Whether these could be the results of a video of so many frames: a check of what was read from a file.
+    /// Returns whether the results can belong to a video with this number of frames: a check of a file's content.
     pub(crate) fn is_of(&self, frames: usize) -> bool {
         let n = self.errors.len();
         n + 1 == frames && [self.decided.len(), self.own.len(), self.probability.len()] == [n; 3]
     }
 
-    /// Share of frames whose decision over all frames so far is right.
+    /// Returns the fraction of frames with the right decision over all frames so far.
     pub(crate) fn accuracy(&self) -> f64 {
         self.share(&self.decided)
     }
-    /// Share of frames whose own decision, on the last looks, is right.
+    /// Returns the fraction of frames with the right decision on the last glimpses.
     pub(crate) fn single(&self) -> f64 {
         self.share(&self.own)
     }
-    /// Whether the last decision is right.
+    /// Returns whether the last decision is right.
     pub(crate) fn right_at_end(&self) -> bool {
         self.decided.last() == Some(&self.digit)
     }

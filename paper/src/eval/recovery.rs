@@ -1,5 +1,5 @@
-//! Re-detection after an inserted occlusion: how soon a target is re-acquired, when that is reported, and how often another
-//! object is taken for it.
+//! Re-detection after an inserted occlusion: the time until the target is re-acquired and until that is reported, and how often the tracker
+//! follows another object.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,36 +8,36 @@ use foveate::lab::eval::experiment::quantile;
 use foveate::lab::eval::table::aligned;
 use foveate::lab::hide::{Hide, WAYS, Way};
 
-/// Frames after the return within which a target should be re-acquired.
+/// Number of frames after the return within which a target should be re-acquired.
 pub(crate) const SOON: usize = 10;
-/// Frames that are followed after the return.
+/// Number of frames that are followed after the return.
 pub(crate) const AFTER: usize = 45;
-/// An IoU of at least this is on the target.
+/// Minimum IoU of a box on the target.
 pub(crate) const ON_TARGET: f64 = 0.3;
 
-/// What became of one target.
+/// The outcome for one target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Case {
     /// Name of the sequence.
     pub sequence: String,
-    /// The tracker's seed, and that of the occlusion.
+    /// The seed of the tracker and of the occlusion.
     pub seed: u64,
-    /// When and how.
+    /// Time and kind of the occlusion.
     pub hide: Hide,
-    /// Whether the tracker was on the target in the frame before; a case counts only then.
+    /// Whether the tracker was on the target in the frame before; otherwise the case does not count.
     pub tracked: bool,
-    /// Frames until the loss was reported; none if that was not before the return.
+    /// Frames until the loss was reported; `None` if it was not reported before the return.
     pub loss_reported: Option<usize>,
-    /// Frames from the return until the box was on the target; none if it never was.
+    /// Frames from the return until the box was on the target; `None` if it never was.
     pub reacquired: Option<usize>,
-    /// Frames from the return until the box was on the target and that was reported.
+    /// Frames from the return until the box was on the target and reported so.
     pub reported: Option<usize>,
     /// Longest run of frames, after the loss was reported, in which another object was reported as the target.
     pub wrong: usize,
 }
 
 impl Case {
-    /// From a track of the clip (from the second frame on).
+    /// Computes the case from a track of the clip (from the second frame on).
     pub(crate) fn of(sequence: &str, seed: u64, hide: Hide, track: &[Judged]) -> Self {
         // Frame t of the clip is track[t − 1].
         let at = |t: usize| track.get(t.wrapping_sub(1));
@@ -56,7 +56,7 @@ impl Case {
             wrong: runs.map(<[Judged]>::len).max().unwrap_or(0),
         }
     }
-    /// Whether another object was reported as the target.
+    /// Returns whether another object was reported as the target.
     pub(crate) fn is_false(&self) -> bool {
         self.wrong >= EPISODE
     }
@@ -66,31 +66,31 @@ fn wrong(j: &Judged) -> bool {
     j.lost() && j.status.is_usable()
 }
 
-/// The figures of many cases.
+/// The statistics of many cases.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Line {
-    /// How they vanished; none of all together.
+    /// The kind of occlusion; `None` for all together.
     pub way: Option<Way>,
     /// Cases that count: the target was tracked before.
     pub cases: usize,
-    /// Cases in which it was not.
+    /// Cases in which the target was not tracked before.
     pub not_tracked: usize,
-    /// Share whose loss was reported before the return.
+    /// Fraction of cases with the loss reported before the return.
     pub loss_reported: f64,
-    /// Share re-acquired within ten frames, reported or not.
+    /// Fraction re-acquired within ten frames, reported or not.
     pub reacquired: f64,
-    /// Share re-acquired, and reported, within ten frames.
+    /// Fraction re-acquired and reported within ten frames.
     pub reported: f64,
-    /// The same within 45.
+    /// Fraction re-acquired and reported within 45 frames.
     pub reported_ever: f64,
-    /// Median frames to that report, of those reported.
+    /// Median number of frames to that report, of the reported cases.
     pub median: Option<f64>,
-    /// Share in which another object was reported as the target, for five frames or more after the loss was reported.
+    /// Fraction in which another object was reported as the target, for five frames or more after the loss was reported.
     pub wrong: f64,
 }
 
 impl Line {
-    /// Sums up.
+    /// Summarises the cases.
     pub(crate) fn of(way: Option<Way>, cases: &[&Case]) -> Self {
         let all: Vec<&&Case> = cases.iter().filter(|c| way.is_none_or(|way| c.hide.way == way)).collect();
         let tracked: Vec<&&&Case> = all.iter().filter(|c| c.tracked).collect();
@@ -112,12 +112,12 @@ impl Line {
     }
 }
 
-/// By way, and of all.
+/// Returns a line for each kind of occlusion, and one for all.
 pub(crate) fn lines(cases: &[&Case]) -> Vec<Line> {
     WAYS.into_iter().map(Some).chain([None]).map(|way| Line::of(way, cases)).collect()
 }
 
-/// Tables of the ways, and of the sequences.
+/// Formats the tables by kind of occlusion and by sequence.
 pub(crate) fn text(cases: &[Case]) -> String {
     let heads = [
         "",

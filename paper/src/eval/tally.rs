@@ -1,6 +1,6 @@
-//! One line of a results table: a figure a video, summed up over videos and digit by digit, as the paper prints it.
+//! One line of a results table: one measurement per video, summarised over videos and by digit, as the paper prints it.
 //!
-//! The figure is whatever is measured: the mean centre error in pixels, or the share of frames recognised in per cent.
+//! The measurement is the mean centre error in pixels, or the percentage of frames recognised.
 
 use kuva::plot::ForestPlot;
 use kuva::prelude::{Layout, Plot, SvgBackend, render_multiple};
@@ -11,21 +11,21 @@ use foveate::lab::eval::experiment::{Paired, Run, paired, quantile};
 use foveate::lab::eval::metrics::mean_sd;
 use foveate::{Error, Result};
 
-/// What one video gave.
+/// The measurement of one video.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Figure {
     /// Class of the target.
     pub digit: u8,
-    /// The figure.
+    /// The value.
     pub value: f64,
-    /// Standard deviation over time of what `value` is the mean of; 0 where it is none.
+    /// Standard deviation over time of the values averaged in `value`; 0 if `value` is no mean.
     pub spread: f64,
     /// Whether the video ends off the target: the last 20 frames are more than 15 px off on average.
     pub off_at_end: bool,
 }
 
 impl Figure {
-    /// The mean centre error of a run, pixels.
+    /// Returns the mean centre error of a run, pixels.
     ///
     /// # Errors
     /// The run has no frame.
@@ -33,7 +33,7 @@ impl Figure {
         let score = run.score()?;
         Ok(Self { digit, value: score.mean, spread: score.sd, off_at_end: score.off_at_end })
     }
-    /// The share of frames whose decision over all frames so far is right, per cent.
+    /// Returns the percentage of frames with the right decision over all frames so far.
     ///
     /// # Errors
     /// The run has no frame.
@@ -44,7 +44,7 @@ impl Figure {
     }
 }
 
-/// Many videos.
+/// The statistics of many videos.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Tally {
     /// Number of videos.
@@ -57,11 +57,11 @@ pub(crate) struct Tally {
     pub sd: f64,
     /// Median over videos.
     pub median: f64,
-    /// Share of videos that end off the target, 0 to 1.
+    /// Fraction of videos that end off the target, 0 to 1.
     pub off_at_end: f64,
-    /// Digit by digit.
+    /// The statistics by digit.
     pub digits: Vec<OfDigit>,
-    /// Less the line it is compared with, video by video.
+    /// The paired difference from the line it is compared with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub against: Option<Paired>,
 }
@@ -73,12 +73,12 @@ pub(crate) struct OfDigit {
     pub digit: u8,
     /// Mean over its videos.
     pub mean: f64,
-    /// Mean over its videos of the deviation over time: the paper's brackets.
+    /// Mean over its videos of the standard deviation over time: the paper's brackets.
     pub spread: f64,
 }
 
 impl Tally {
-    /// Sums up videos, and compares them with `other` figures of the same videos in the same order.
+    /// Summarises videos, and compares them with `other` measurements of the same videos in the same order.
     ///
     /// # Errors
     /// There is no video, or the numbers of videos differ.
@@ -113,7 +113,7 @@ impl Tally {
     }
 }
 
-/// Some lines' means with their intervals below each other: name, mean, low, high, colour. SVG text.
+/// Plots means of lines with their intervals below each other: name, mean, low, high, colour. Returns SVG text.
 pub(crate) fn plot(x_label: &str, rows: &[(String, [f64; 3], &str)]) -> String {
     let forest = rows.iter().fold(ForestPlot::new(), |plot, (name, [mean, low, high], colour)| {
         plot.with_colored_row(name.as_str(), *mean, *low, *high, *colour)
@@ -141,7 +141,7 @@ mod tests {
         assert_eq!((three.digit, three.mean, three.spread), (3, 5.0, 2.5));
         // Every video is worse by 1: so is every resample.
         assert_eq!(tally.against, Some(Paired { mean: 1.0, low: 1.0, high: 1.0 }));
-        // Of three values a resample's mean is at least the least and at most the greatest.
+        // The mean of a resample of three values lies between the smallest and the largest value.
         assert!(tally.interval[0] >= 1.0 && tally.interval[1] <= 9.0 && tally.interval[0] < tally.interval[1]);
         assert!(Tally::of(&[], None).is_err() && Tally::of(&figures, Some(&same[1..])).is_err());
     }

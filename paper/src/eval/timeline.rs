@@ -1,4 +1,4 @@
-//! One run over time, as in the paper's figures: where the target is, where it looks, what that is worth, what it is.
+//! One run over time, as in the paper's figures: the target's place, the gaze, the reward, and the class.
 //!
 //! [`Timeline`] is an observer that keeps a few numbers of each frame; [`Timeline::plot`] draws them as panels below each other.
 
@@ -12,7 +12,7 @@ use foveate::report::Observer;
 use foveate::video::Frame;
 use foveate::{Result, Seen};
 
-/// Okabe and Ito's colours, which all eyes can tell apart, and two greys.
+/// Okabe and Ito's colours, which colour-blind people can distinguish, and two greys.
 const COLOURS: [&str; 10] =
     ["#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#000000", "#999999", "#5B5B5B"];
 /// Frames over which rewards are averaged in the plot.
@@ -21,17 +21,17 @@ const WINDOW: usize = 10;
 /// A run, frame by frame from the second on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Timeline {
-    /// Where the target truly is, by index of the frame, as far as it is known.
+    /// The true boxes by index of the frame, if known.
     pub truth: Vec<Option<BBox>>,
     /// Indices of the frames.
     pub frames: Vec<usize>,
     /// The estimates.
     pub boxes: Vec<BBox>,
-    /// The gazes that were chosen.
+    /// The chosen gazes.
     pub gazes: Vec<Gaze>,
     /// Their rewards, 0 to 1.
     pub rewards: Vec<f64>,
-    /// The policy's gazes; empty where it has no probabilities.
+    /// The policy's gazes; empty if it has no probabilities.
     pub arms: Vec<Gaze>,
     /// For each frame, the probabilities of the arms.
     pub policy: Vec<Vec<f64>>,
@@ -40,18 +40,18 @@ pub(crate) struct Timeline {
 }
 
 impl Timeline {
-    /// Nothing yet, of a video with this truth.
+    /// Creates an empty timeline of a video with this truth.
     pub(crate) fn new(truth: Vec<Option<BBox>>) -> Self {
         Self { truth, ..Self::default() }
     }
 
-    /// Distances of the estimated centres from the true ones, pixels, in frames whose truth is known.
+    /// Returns the distances of the estimated centres from the true ones, pixels, in frames with known truth.
     pub(crate) fn errors(&self) -> Vec<f64> {
         let known = self.frames.iter().zip(&self.boxes);
         known.filter_map(|(&t, bbox)| Some(centre_error(bbox, self.truth.get(t)?.as_ref()?))).collect()
     }
 
-    /// Panels below each other: place, gaze, reward, and class where there is one. SVG text.
+    /// Plots panels below each other: place, gaze, reward, and class if there is one. Returns SVG text.
     pub(crate) fn plot(&self, title: &str) -> String {
         let mut panels = vec![self.place(title), self.look()];
         panels.push(match self.classes.iter().any(|c| !c.is_empty()) {
@@ -63,7 +63,7 @@ impl Timeline {
         SvgBackend::default().render_scene(&figure.render())
     }
 
-    /// Values of each frame, against frames counted from 1.
+    /// Plots the values of each frame against frames counted from 1.
     fn line(&self, of: impl Fn(usize) -> f64, colour: &str, name: &str) -> LinePlot {
         let points: Vec<(f64, f64)> = self.frames.iter().enumerate().map(|(i, &t)| ((t + 1) as f64, of(i))).collect();
         LinePlot::new().with_data(points).with_color(colour).with_stroke_width(2.0).with_legend(name)
@@ -145,7 +145,7 @@ impl Timeline {
     fn stacked(&self, shares: &[Vec<f64>], order: &[usize], name: impl Fn(usize) -> String) -> StackedAreaPlot {
         let mut plot = StackedAreaPlot::new().with_x(self.frames.iter().map(|t| (t + 1) as f64));
         for (i, &k) in order.iter().enumerate() {
-            // The first, which matters most, is the blue one.
+            // The first class, which matters most, is blue.
             let colour = COLOURS[(i + 4) % COLOURS.len()];
             let series = shares.iter().map(|p| p.get(k).copied().unwrap_or(0.0)).collect::<Vec<f64>>();
             plot = plot.with_series(series).with_color(colour).with_legend(name(k));

@@ -13,7 +13,7 @@ pub(crate) struct FactoredEncoder {
 }
 
 impl FactoredEncoder {
-    /// Encodes with these units of a trained machine; each channel of a glimpse is standardised first, as in its training.
+    /// Creates an encoder with these units of a trained machine; each channel of a glimpse is standardised first, as in its training.
     pub(crate) fn new(rbm: FactoredRbm, units: Units, channels: &[usize]) -> Self {
         Self { rbm, units, glimpses: Raw::new(channels, true) }
     }
@@ -44,7 +44,7 @@ mod tests {
         let channels: Vec<usize> = (0..60).map(|i| i / 40).collect();
         let mut rng = Streams::new(6, 0).rng(0);
         let mut glimpses: Vec<f32> = (0..99 * 60).map(|_| rng.random()).collect();
-        // More units than a thread's scratch holds rows for at once.
+        // More units than the rows of a thread's scratch buffer.
         let recipe = Recipe { batch: 40, ..Recipe::new(700, 130) };
         let trainer = Trainer::new(recipe, Rows::new(&glimpses, 60)).expect("good rows");
         for (units, n) in [(Units::Both, 830), (Units::Covariance, 700), (Units::Mean, 130)] {

@@ -1,7 +1,7 @@
-//! Free energy and its gradients, one row in plain f64 and many rows by matrix products.
+//! Free energy and its gradients, for one row in plain f64 and for many rows by matrix products.
 //!
-//! F(x) = ½‖x‖² − bᵛᵀx − Σ_k softplus(s_k) − Σ_j softplus(bᵐ_j + W·ⱼᵀx), with s_k = b_kᶜ − ½ Σ_f P_fk u_f². Its gradient through
-//! x̂ = r x, r = (mean(x²) + ½)^(−½): with a = C (u ∘ P hᶜ), r a − r³ x (aᵀx) / n_x, then x − bᵛ − W hᵐ.
+//! F(x) = ½‖x‖² − bᵛᵀx − Σ_k softplus(s_k) − Σ_j softplus(bᵐ_j + W·ⱼᵀx), with s_k = b_kᶜ − ½ Σ_f P_fk u_f². Its gradient through x̂ = r x,
+//! r = (mean(x²) + ½)^(−½): with a = C (u ∘ P hᶜ), r a − r³ x (aᵀx) / n_x, then x − bᵛ − W hᵐ.
 
 use super::hmc::Potential;
 use super::{Parameters, SMALL, Sizes};
@@ -13,7 +13,7 @@ use foveate_kernels::{bias_logistic, dot, logistic};
 /// Factors of a product taken before its logarithm: each is ½ to 1.
 const FACTORS: usize = 64;
 
-/// x̂ in place; gives r.
+/// Replaces x by x̂ and returns r.
 pub(super) fn normalise(x: &mut [f32]) -> f32 {
     let r = 1.0 / (dot(x, x) / x.len() as f32 + SMALL).sqrt();
     x.iter_mut().for_each(|x| *x *= r);
@@ -40,7 +40,7 @@ pub(super) struct Scratch {
 }
 
 impl Parameters {
-    /// s_k, then the mean units' log odds, in f64.
+    /// Returns s_k, then the logits of the mean units, in f64.
     fn log_odds(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let Sizes { white, factors, covariance, mean } = self.sizes();
         let wide = |x: f32| f64::from(x);
@@ -54,24 +54,24 @@ impl Parameters {
             (0..mean).map(|j| wide(self.mean_bias[j]) + weighed(j)).collect(),
         )
     }
-    /// ½‖x‖² − bᵛᵀx.
+    /// Returns ½‖x‖² − bᵛᵀx.
     fn visible_energy(&self, x: &[f64]) -> f64 {
         x.iter().zip(&self.visible_bias).map(|(x, &b)| 0.5 * x * x - f64::from(b) * x).sum()
     }
-    /// E(x, hᶜ, hᵐ) in nats.
+    /// Returns E(x, hᶜ, hᵐ) in nats.
     #[cfg(test)]
     pub(super) fn energy(&self, x: &[f64], covariance: &[f64], mean: &[f64]) -> f64 {
         let (s, z) = self.log_odds(x);
         let of = |odds: Vec<f64>, h: &[f64]| odds.iter().zip(h).map(|(s, h)| s * h).sum::<f64>();
         self.visible_energy(x) - of(s, covariance) - of(z, mean)
     }
-    /// F(x) in nats.
+    /// Returns F(x) in nats.
     pub(super) fn free_energy(&self, x: &[f64]) -> f64 {
         let (s, z) = self.log_odds(x);
         self.visible_energy(x) - s.into_iter().chain(z).map(softplus).sum::<f64>()
     }
-    /// Hidden probabilities of rows `x` (m × n_x), and u and x̂ on the way; `energy` (m) ← F where wanted. Then, where
-    /// `pull` is asked for, u ∘ P hᶜ.
+    /// Computes the hidden probabilities of rows `x` (m × n_x), with u and x̂; `energy` (m) ← F if given. Then, if `pull` is requested, u ∘
+    /// P hᶜ.
     pub(super) fn hidden(&self, x: Rows<'_>, s: &mut Scratch, mut energy: Option<&mut [f64]>, pull: bool) {
         let (m, Sizes { white, factors, covariance, mean }) = (x.len(), self.sizes());
         s.hat.clear();
@@ -126,7 +126,7 @@ impl Potential for Parameters {
     }
 }
 
-/// Σ log(1 + eᶻ) = Σ max(z, 0) − log Π σ(|z|), a logarithm for many factors.
+/// Σ log(1 + eᶻ) = Σ max(z, 0) − log Π σ(|z|), with one logarithm for many factors.
 fn softplus_sum(z: &[f32]) -> f64 {
     let mut sum = 0.0;
     let mut buffer = [0.0f32; FACTORS];

@@ -1,7 +1,7 @@
-//! Hybrid Monte Carlo (Duane et al. 1987; Neal 2011): draws from p(x) ∝ exp(−F(x)) where only F and its gradient are known.
+//! Hybrid Monte Carlo (Duane et al. 1987; Neal 2011): samples from p(x) ∝ exp(−F(x)), given only F and its gradient.
 //!
-//! A row x gets a momentum p ~ N(0, 1), moves for some leapfrog steps along H = F(x) + ½‖p‖², and is accepted with
-//! probability min(1, exp(H₀ − H₁)); otherwise it stays where it was. The density is left as it is, whatever the step.
+//! A row x gets a momentum p ~ N(0, 1), moves by leapfrog steps along H = F(x) + ½‖p‖², and is accepted with probability min(1, exp(H₀ −
+//! H₁)); otherwise it stays unchanged. The density is invariant for any step length.
 
 use foveate::learn::rbm::product::block_of;
 use foveate::rng::Rng;
@@ -10,34 +10,34 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// Share of the past in the running rejection rate, and how far one batch moves the step (the authors' code).
+/// Decay of the running rejection rate, and relative change of the step per batch (the authors' code).
 const REMEMBERED: f32 = 0.9;
 const FASTER: f32 = 1.01;
 const SLOWER: f32 = 0.99;
-/// The steps there may be (the authors' code).
+/// Minimum and maximum step (the authors' code).
 const LEAST_STEP: f32 = 0.001;
 const MOST_STEP: f32 = 0.25;
 
-/// F and its gradient, many rows at a time.
+/// F and its gradient, for many rows at a time.
 pub(super) trait Potential: Sync {
     /// Buffers, grown once.
     type Scratch: Default + Send;
-    /// `gradient` (m × n) ← ∂F/∂x at rows `x` (m × n) and, where wanted, `energy` (m) ← F in nats. A row's results must
-    /// depend on that row alone.
+    /// Computes `gradient` (m × n) ← ∂F/∂x at rows `x` (m × n) and, if given, `energy` (m) ← F in nats. A row's results must depend on that
+    /// row alone.
     fn gradient(&self, x: Rows<'_>, scratch: &mut Self::Scratch, gradient: &mut [f32], energy: Option<&mut [f64]>);
 }
 
-/// The length of a leapfrog step, held where a given share of the proposals is rejected.
+/// The length of a leapfrog step, adapted to a target rejection rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Step {
     /// Length of a leapfrog step.
     pub(super) size: f32,
-    /// Running mean of the share of proposals rejected.
+    /// Running mean of the rejection rate.
     pub(super) rejection: f32,
 }
 
 impl Step {
-    /// Takes note of a batch's share of rejections, and aims at `target`.
+    /// Adapts the step to a batch's rejection rate, towards `target`.
     pub(super) fn adapt(&mut self, rejected: f32, target: f32) {
         self.rejection = REMEMBERED * self.rejection + (1.0 - REMEMBERED) * rejected;
         self.size *= if self.rejection < target { FASTER } else { SLOWER };
@@ -62,8 +62,8 @@ struct Block<S> {
     scratch: S,
 }
 
-/// Moves every row of `x` (m × n) by one proposal of `steps` leapfrog steps of length `step`; `stream(i)` draws for row i.
-/// Gives how many rows were rejected. The same bits for any number of threads.
+/// Moves every row of `x` (m × n) by one proposal of `steps` leapfrog steps of length `step`; `stream(i)` is the random stream of row i.
+/// Returns the number of rejected rows. The result has the same bits for any number of threads.
 pub(super) fn transition<P: Potential>(
     potential: &P,
     x: &mut [f32],
@@ -84,7 +84,7 @@ pub(super) fn transition<P: Potential>(
         w.gradient.resize(m * n, 0.0);
         w.before.resize(m, 0.0);
         w.after.resize(m, 0.0);
-        // The first number of a row's stream decides, the others are its momentum.
+        // The first number of a row's stream decides on acceptance, the others are its momentum.
         w.uniform.clear();
         for (r, p) in w.momentum.chunks_exact_mut(n).enumerate() {
             let mut rng = stream(b * block + r);
@@ -94,7 +94,7 @@ pub(super) fn transition<P: Potential>(
         leapfrog(potential, (steps, step), n, w);
         let mut rejected = 0;
         for (r, row) in x.chunks_exact_mut(n).enumerate() {
-            // Not a number counts as rejected.
+            // NaN counts as rejected.
             if w.uniform[r].ln() < w.before[r] - w.after[r] {
                 row.copy_from_slice(&w.x[r * n..][..n]);
             } else {
@@ -106,7 +106,7 @@ pub(super) fn transition<P: Potential>(
     rejected.sum()
 }
 
-/// Leapfrog steps of the rows in `w`, with H before and after.
+/// Does the leapfrog steps of the rows in `w`, with H before and after.
 fn leapfrog<P: Potential>(potential: &P, (steps, step): (usize, f32), n: usize, w: &mut Block<P::Scratch>) {
     let kick = |momentum: &mut [f32], gradient: &[f32], by: f32| {
         momentum.iter_mut().zip(gradient).for_each(|(p, g)| *p -= by * g);

@@ -1,4 +1,4 @@
-//! Model files and checkpoints of factored RBMs: tensors under a seal, as `rbm/io.rs` writes them.
+//! Model files and checkpoints of factored RBMs: checksummed tensors, as `rbm/io.rs` writes them.
 
 use super::hmc::Step;
 use super::train::Trainer;
@@ -28,15 +28,15 @@ fn tensors<'a>(whitening: &'a Whitening, parameters: &'a Parameters) -> Vec<Tens
 }
 
 impl FactoredRbm {
-    /// The bytes of a model file.
+    /// Returns the bytes of a model file.
     pub(crate) fn to_bytes(&self, metadata: &Metadata) -> Vec<u8> {
         pack(KIND, About { metadata: metadata.clone() }, &self.tensors())
     }
-    /// The whitening, C, P, W and the biases, as model files have them.
+    /// Returns the whitening, C, P, W and the biases in the order of model files.
     pub(crate) fn tensors(&self) -> Vec<Tensor<'_>> {
         tensors(&self.whitening, &self.parameters)
     }
-    /// From the tensors of a model file, which are used up to what does not belong to a machine; problems in words.
+    /// Creates the machine from the tensors of a file, and removes them from `tensors`. Errors are texts.
     pub(crate) fn of_tensors(tensors: &mut Tensors) -> std::result::Result<Self, String> {
         let mut shapes = vec![];
         let mut take = |name: &str| {
@@ -58,13 +58,13 @@ impl FactoredRbm {
         }
         Ok(found)
     }
-    /// Writes a model file; it is whole or not there.
+    /// Writes a model file; it is complete or absent.
     pub(crate) fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
         files::write(path, &self.to_bytes(metadata))
     }
-    /// Reads a model from the bytes of a file; `path` stands for it in errors.
+    /// Reads a model from the bytes of a file; `path` names it in errors.
     ///
-    /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
+    /// Fails, with the reason, if the bytes are no model file, have another format or kind, or are damaged.
     pub(crate) fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
         let (found, about) = open(bytes, path, KIND, |_: &About, tensors| Self::of_tensors(tensors))?;
         Ok((found, about.metadata))
@@ -72,7 +72,7 @@ impl FactoredRbm {
 }
 
 impl Trainer {
-    /// Writes a checkpoint; the file is whole or as it was before. `data_sha256` names the training rows.
+    /// Writes a checkpoint; after an error the previous file stays. `data_sha256` identifies the training rows.
     ///
     /// Fails if the training has diverged, or the file cannot be written.
     pub(crate) fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
@@ -84,9 +84,9 @@ impl Trainer {
         all.push(("state", vec![3], &state));
         save(path, CHECKPOINT, (&self.recipe, self.progress(), data_sha256), &all)
     }
-    /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same rows.
+    /// Resumes from a checkpoint with the same recipe (except the number of epochs) and the same rows.
     ///
-    /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
+    /// Fails, with the reason, if the recipe or the data differ, or the file is damaged.
     pub(crate) fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
         let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
         let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;

@@ -25,14 +25,14 @@ use foveate::{Error, Result};
 use foveate_kernels::bias_logistic;
 use serde::{Deserialize, Serialize};
 
-/// Added to the mean square of x, so that flat glimpses are not blown up (the authors' code).
+/// Added to the mean square of x, so that flat glimpses are not amplified (the authors' code).
 const SMALL: f32 = 0.5;
-/// Most units of a kind: what the scratch of a row may need on the stack.
+/// Maximum number of units of a kind; limits the scratch buffer of a row on the stack.
 const MOST: usize = 2048;
-/// Numbers of scratch on the stack.
+/// Length of the scratch buffer on the stack.
 const STACK: usize = 8 * MOST;
 
-/// How many units there are.
+/// The numbers of units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Sizes {
     /// Whitened values.
@@ -45,7 +45,7 @@ pub(crate) struct Sizes {
     pub mean: usize,
 }
 
-/// Which hidden units are asked for.
+/// The selected hidden units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Units {
@@ -58,7 +58,7 @@ pub(crate) enum Units {
     Mean,
 }
 
-/// All that is learned, in whitened space.
+/// All learned parameters, in whitened space.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Parameters {
     /// C, n_x × n_f.
@@ -76,7 +76,7 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// The parts by name, as files have them.
+    /// Returns the parameters by their names in files.
     fn parts(&self) -> [(&'static str, &Vec<f32>); 6] {
         [
             ("filters", &self.filters),
@@ -128,7 +128,7 @@ impl Parameters {
     }
 }
 
-/// A factored RBM with the whitening it was trained on: glimpses go in, features come out.
+/// A factored RBM with the whitening of its training: computes features of glimpses.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FactoredRbm {
     whitening: Whitening,
@@ -148,11 +148,11 @@ impl FactoredRbm {
         }
         Ok(Self { whitening, parameters })
     }
-    /// n_v: values of a glimpse.
+    /// Returns n_v, the number of values of a glimpse.
     pub(crate) fn glimpse_len(&self) -> usize {
         self.whitening.shape().0
     }
-    /// How many features these units give.
+    /// Returns the number of features of these units.
     pub(crate) fn width(&self, units: Units) -> usize {
         let Sizes { covariance, mean, .. } = self.sizes();
         match units {
@@ -161,7 +161,7 @@ impl FactoredRbm {
             Units::Mean => mean,
         }
     }
-    /// How many units there are.
+    /// Returns the numbers of units.
     pub(crate) fn sizes(&self) -> Sizes {
         self.parameters.sizes()
     }
@@ -175,7 +175,7 @@ impl FactoredRbm {
         let (n_v, n_h) = (self.whitening.shape().0, self.width(units));
         assert_eq!((v.width(), h.width()), (n_v, n_h), "rows must be as wide as the machine's sides");
         let Sizes { white, factors, covariance, mean } = self.sizes();
-        // Scratch of a row, and as many rows at a time as fit.
+        // The scratch buffer of a row, and as many rows at a time as fit.
         let widths = [n_v, white, factors, covariance.max(mean)];
         let together = STACK / widths.iter().sum::<usize>();
         let mut stack = [0.0; STACK];
@@ -209,15 +209,15 @@ impl FactoredRbm {
             }
         }
     }
-    /// The factors' filters as glimpses, n_v × n_f: the columns of C with the whitening undone.
+    /// Returns the factors' filters as glimpses, n_v × n_f: the columns of C with the whitening undone.
     pub(crate) fn factor_filters(&self) -> Vec<f32> {
         self.whitening.unwhiten(Rows::new(&self.parameters.filters, self.sizes().factors))
     }
-    /// The mean units' filters as glimpses, n_v × n_m: the columns of W with the whitening undone.
+    /// Returns the mean units' filters as glimpses, n_v × n_m: the columns of W with the whitening undone.
     pub(crate) fn mean_filters(&self) -> Vec<f32> {
         self.whitening.unwhiten(Rows::new(&self.parameters.weights, self.sizes().mean))
     }
-    /// F(x) = −log Σ_h exp(−E(x, h)) of a glimpse (length n_v), in nats: plain sums in f64.
+    /// Returns F(x) = −log Σ_h exp(−E(x, h)) of a glimpse (length n_v), in nats: plain sums in f64.
     pub(crate) fn free_energy(&self, v: &[f32]) -> f64 {
         let (n_v, n_x) = self.whitening.shape();
         let (mut centred, mut x) = (vec![0.0; n_v], vec![0.0; n_x]);

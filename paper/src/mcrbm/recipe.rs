@@ -1,69 +1,68 @@
-//! How to learn: the numbers of a training, and their ranges.
+//! Training settings and their ranges.
 
 use super::MOST;
 use foveate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// How to learn. Steps are those of the authors' code, all times `rate`.
+/// Training settings. Learning rates are those of the authors' code, all multiplied by `rate`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Recipe {
     /// n_f; the square of an even number for pooling over a grid.
     pub factors: usize,
-    /// Which factors a covariance unit begins with.
+    /// The initial factors of a covariance unit.
     pub pooling: Pooling,
     /// n_m.
     pub means: usize,
-    /// Share of the glimpses' variance that whitening keeps.
+    /// Fraction of the glimpses' variance that whitening keeps.
     pub keep: f64,
     /// Passes over the data.
     pub epochs: usize,
     /// Rows in a mini-batch; rows that do not fill one wait for the next epoch.
     pub batch: usize,
-    /// Step along the mean gradient of a batch; C moves 2 rates, W 0.2, bᵐ 0.1, P, bᶜ and bᵛ 0.02.
+    /// Learning rate for the mean gradient of a batch; C moves 2 rates, W 0.2, bᵐ 0.1, P, bᶜ and bᵛ 0.02.
     pub rate: f32,
     /// The epoch (from 1) after which the rate falls as 1 / epoch.
     pub anneal: usize,
-    /// Where the chains of the negative phase begin.
+    /// The start of the chains of the negative phase.
     pub negative: Negative,
     /// Leapfrog steps of a proposal, at least 1.
     pub leapfrog_steps: usize,
-    /// Share of proposals to be rejected.
+    /// Target rejection rate.
     pub rejection: f32,
-    /// The epoch (from 0) from which `l1` pulls: not before the filters have settled.
+    /// The epoch (from 0) from which `l1` applies: not before the filters have settled.
     pub settle: usize,
-    /// The epoch (from 0) from which P is learned; never, unless given. Deviation: the authors learn it, after 10 epochs; on
-    /// glimpses every unit then comes to pool a little of every factor, and they all say the same.
+    /// The epoch (from 0) from which P is learned; `None` for never. Deviation: the authors learn it after 10 epochs. On glimpses every
+    /// unit then pools a little of every factor, and all units become alike.
     pub learn_pooling: Option<usize>,
-    /// Pull of C and W towards 0, of constant size.
+    /// L1 weight decay of C and W.
     pub l1: f32,
-    /// Names all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// Which factors a covariance unit begins with.
+/// The initial factors of a covariance unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Pooling {
-    /// One of its own: P = identity.
+    /// One factor per unit: P = identity.
     Single,
-    /// A neighbourhood of 3 × 3 on a square of factors whose borders meet, one unit for every second row and column:
-    /// neighbours become alike.
+    /// A neighbourhood of 3 × 3 on a torus of factors, one unit for every second row and column: neighbours become alike.
     Grid,
 }
 
-/// Where the chains of the negative phase begin.
+/// The start of the chains of the negative phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Negative {
     /// At the rows of the batch (the article).
     Contrastive,
-    /// Where they ended in the batch before (the authors' code).
+    /// The end of the chains in the previous batch (the authors' code).
     Persistent,
 }
 
 impl Recipe {
-    /// The authors' settings, to be changed field by field.
+    /// Returns the authors' settings, to be changed field by field.
     pub(crate) fn new(factors: usize, means: usize) -> Self {
         Self {
             factors,
@@ -106,7 +105,7 @@ impl Recipe {
         };
         Err(Error::Config(format!("training: {problem}")))
     }
-    /// The first P, n_f × n_c, columns of sum 1, and n_c.
+    /// Returns the initial P, n_f × n_c, with columns of sum 1, and n_c.
     pub(super) fn first_pooling(&self) -> (Vec<f32>, usize) {
         let n = self.factors;
         match self.pooling {

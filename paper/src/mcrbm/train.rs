@@ -1,8 +1,8 @@
-//! Learning by stochastic maximum likelihood, the model's own statistics from hybrid Monte Carlo on the free energy.
+//! Training by stochastic maximum likelihood, with the model's statistics from hybrid Monte Carlo on the free energy.
 //!
-//! The gradient of log p(x) is −∂F/∂θ under the data plus ∂F/∂θ under the model. Both phases are one batch of matrix
-//! products, the model's rows counted negatively. Every row has its own random stream: the same seed gives the same
-//! bits for any number of threads, and after any interruption.
+//! The gradient of log p(x) is −∂F/∂θ under the data plus ∂F/∂θ under the model. Both phases are one batch of matrix products, with the
+//! model's rows negative. Every row has its own random stream: the same seed gives the same bits for any number of threads, and after any
+//! interruption.
 
 use super::energy::Scratch;
 use super::hmc::{Step, Work as Chains, transition};
@@ -17,23 +17,23 @@ use foveate::{Error, Result};
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// Steps of the parts in units of the rate (the authors' code).
+/// Learning rates of the parameters relative to `rate` (the authors' code).
 const C_RATE: f32 = 2.0;
 const W_RATE: f32 = 0.2;
 const MEAN_BIAS_RATE: f32 = 0.1;
 const SLOW_RATE: f32 = 0.02;
-/// First length of the columns of C. Deviation: 0.2 in the authors' code, from where it takes many epochs to grow, because
-/// the common length takes up a twentieth of every step.
+/// Initial length of the columns of C. Deviation: 0.2 in the authors' code; from there it takes many epochs to grow, because the common
+/// length takes up a twentieth of every step.
 const FIRST_LENGTH: f32 = 1.0;
-/// First values (the authors' code).
+/// Initial values (the authors' code).
 const WEIGHT_SD: f32 = 0.05;
 const COVARIANCE_BIAS: f32 = 2.0;
 const MEAN_BIAS: f32 = -2.0;
 const FIRST_STEP: f32 = 0.01;
-/// Share of the past in the filters' common length ("weird but important", says the authors' code).
+/// Decay of the running common length of the filters ("weird but important", says the authors' code).
 const LENGTH_REMEMBERED: f32 = 0.95;
 
-/// A machine being trained: everything that the rest of the training depends on.
+/// The state of a training run.
 #[derive(Debug)]
 pub(crate) struct Trainer {
     pub(super) recipe: Recipe,
@@ -61,7 +61,7 @@ struct Work {
 }
 
 impl Trainer {
-    /// Begins: fits the whitening to the rows (glimpses as the encoder conditions them), and draws small filters.
+    /// Starts a training: fits the whitening to the rows (glimpses as the encoder conditions them), and draws small filters.
     ///
     /// Fails if the recipe is out of range, a value is not finite, or there is no full batch.
     pub(crate) fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
@@ -92,22 +92,22 @@ impl Trainer {
         };
         let chains = normal(recipe.batch * n_x, 1.0);
         let length = equalise(&mut parameters.filters, n_f, |_| FIRST_LENGTH);
-        // Shapes, and what a glimpse may have.
+        // Checks the shapes, and the length of a glimpse.
         FactoredRbm::new(whitening.clone(), parameters.clone())?;
         let step = Step { size: FIRST_STEP, rejection: recipe.rejection };
         let work = Work::default();
         Ok(Self { recipe, whitening, parameters, chains, step, length, state: EpochState::default(), data, work })
     }
     foveate::learn::training_accessors!();
-    /// Batches an epoch has.
+    /// Returns the number of batches per epoch.
     pub(crate) fn batches(&self) -> usize {
         self.data.len() / self.whitening.shape().1 / self.recipe.batch
     }
-    /// The length of a leapfrog step now, and the running share of rejected proposals.
+    /// Returns the current length of a leapfrog step, and the running rejection rate.
     pub(crate) fn leapfrog(&self) -> (f32, f32) {
         (self.step.size, self.step.rejection)
     }
-    /// The machine as it stands.
+    /// Returns the current machine.
     pub(crate) fn learned(&self) -> FactoredRbm {
         FactoredRbm { whitening: self.whitening.clone(), parameters: self.parameters.clone() }
     }
@@ -118,14 +118,14 @@ impl Trainer {
         }
         Err(self.state.diverged(self.recipe.rate))
     }
-    /// Takes this whitening of the rows.
+    /// Replaces the whitening of the rows.
     pub(super) fn rewhiten(&mut self, whitening: Whitening, rows: Rows<'_>) {
         if whitening != self.whitening {
             self.data = whiten(&whitening, rows);
             self.whitening = whitening;
         }
     }
-    /// One mini-batch.
+    /// Trains on one mini-batch.
     pub(crate) fn step(&mut self) {
         let (n, batch) = (self.whitening.shape().1, self.recipe.batch);
         let draws = self.state.draws(self.recipe.seed);
@@ -147,7 +147,7 @@ impl Trainer {
         self.update();
         self.state.done(self.batches());
     }
-    /// What the rows in `work.x` say of the parameters, the model's half negative.
+    /// Computes the parameter statistics of the rows in `work.x`, with the model's half negative.
     fn statistics(&mut self) {
         let (Sizes { white, factors, covariance, mean }, p) = (self.parameters.sizes(), &self.parameters);
         let Work { x, blocks, whole, .. } = &mut self.work;
@@ -176,7 +176,7 @@ impl Trainer {
             }
         }
     }
-    /// Moves the parameters by the statistics in `work`.
+    /// Updates the parameters with the statistics in `work`.
     fn update(&mut self) {
         let Sizes { white, factors, covariance, mean } = self.parameters.sizes();
         let r = &self.recipe;
@@ -218,7 +218,7 @@ impl Trainer {
     }
 }
 
-/// All rows whitened.
+/// Returns all rows whitened.
 fn whiten(whitening: &Whitening, rows: Rows<'_>) -> Vec<f32> {
     const CHUNK: usize = 1024;
     let (n_v, n_x) = whitening.shape();
@@ -233,14 +233,14 @@ fn whiten(whitening: &Whitening, rows: Rows<'_>) -> Vec<f32> {
     x
 }
 
-/// `values` (k × n) += `factor` · `left`ᵀ `right`, in blocks of rows of `values` that threads share.
+/// Computes `values` (k × n) += `factor` · `left`ᵀ `right`, in blocks of rows of `values` that threads share.
 fn outer(values: &mut [f32], factor: f32, left: Rows<'_>, right: Rows<'_>) {
     let n = right.width();
     let block = block_of(left.width());
     (values.par_chunks_mut(block * n).enumerate()).for_each(|(b, v)| add_outer(v, factor, left, b * block, right));
 }
 
-/// Gives the columns of C one length, chosen from the mean of theirs, and gives that length.
+/// Gives all columns of C the same length, computed by `choose` from their mean length, and returns that length.
 fn equalise(filters: &mut [f32], n_f: usize, choose: impl Fn(f32) -> f32) -> f32 {
     let mut lengths = vec![0.0f32; n_f];
     for row in filters.chunks_exact(n_f) {
@@ -256,7 +256,7 @@ fn equalise(filters: &mut [f32], n_f: usize, choose: impl Fn(f32) -> f32) -> f32
     length
 }
 
-/// Clips P at 0 and makes each column sum to 1; a column that vanished stays 0.
+/// Clips P at 0 and normalises each column to sum 1; a zero column stays 0.
 fn whole_shares(pooling: &mut [f32], n_c: usize) {
     let mut sums = vec![0.0f32; n_c];
     for row in pooling.chunks_exact_mut(n_c) {

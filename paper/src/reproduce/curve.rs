@@ -19,8 +19,8 @@ impl Finished for Learning {
 /// The digit in the paper's figure.
 const SHOWN: u8 = 8;
 
-/// The curve of each line: of all runs, of those on target, and of those of the eight, which is what the paper's figure
-/// shows. `None` where runs are missing.
+/// Computes the curve of each line: of all runs, of those on target, and of those of the eight, as in the paper's figure. `None` if runs
+/// are missing.
 pub(super) fn curve(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
     let scene = &experiment.scene()?.video;
     let mut curves = vec![];

@@ -1,4 +1,4 @@
-//! Results that are part of the repository, and docs/results.md, which is made from them.
+//! Results that are part of the repository, and docs/results.md, which is generated from them.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use super::markdown;
 use super::plan::EXPERIMENTS;
 use super::results::Results;
 
-/// The results kept in `experiments/results` of a checkout, in the order of the page.
+/// Returns the results in `experiments/results` of a checkout, in the order of the page.
 pub(super) fn stored(root: &Path) -> Result<Vec<Results>> {
     let mut all = vec![];
     for (name, _) in EXPERIMENTS {
@@ -21,7 +21,7 @@ pub(super) fn stored(root: &Path) -> Result<Vec<Results>> {
     Ok(all)
 }
 
-/// Puts results into a checkout, and writes docs/results.md anew.
+/// Writes results into a checkout, and regenerates docs/results.md.
 pub(super) fn write(root: &Path, fresh: &[&Results]) -> Result<()> {
     let folder = root.join("paper/experiments/results");
     if !root.join("docs").is_dir() || !folder.is_dir() {

@@ -19,10 +19,10 @@ use super::plan::Experiment;
 use super::setup::Setup;
 use foveate_cli::terminal;
 
-/// Stills of a film strip.
+/// Number of stills of a film strip.
 const STILLS: usize = 6;
 
-/// What is recorded of a run.
+/// The record of a run.
 struct Recording {
     timeline: Timeline,
     strip: Strip,
@@ -46,7 +46,7 @@ impl Observer for Recording {
     }
 }
 
-/// Follows a target through a source; `frames` is how many there are.
+/// Follows a target through a source of `frames` frames.
 fn record(
     source: &mut dyn FrameSource,
     line: &LineSpec,
@@ -67,7 +67,7 @@ fn record(
     result.map(|()| recording)
 }
 
-/// Film strip and plot of a run, and its numbers.
+/// Draws the film strip and the plot of a run, and formats its numbers.
 fn show(recording: &Recording, file: &str, title: &str) -> (Vec<Picture>, Value) {
     let timeline = &recording.timeline;
     let errors = timeline.errors();
@@ -92,7 +92,7 @@ fn show(recording: &Recording, file: &str, title: &str) -> (Vec<Picture>, Value)
     (vec![strip, plot], numbers)
 }
 
-/// One run of each line on the first video of each digit.
+/// Makes one run of each line on the first video of each digit.
 pub(super) fn policy(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
     let (mut figure, scene, seed) = (Figure::default(), experiment.scene()?, experiment.seeds.first);
     for (i, line) in experiment.lines.iter().enumerate() {
@@ -110,7 +110,7 @@ pub(super) fn policy(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
     Ok(figure)
 }
 
-/// Each line on each sequence; those that are not there are named.
+/// Runs each line on each sequence; lists missing sequences.
 pub(super) fn face(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
     let mut figure = Figure::default();
     for name in &experiment.sequences {

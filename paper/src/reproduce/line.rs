@@ -1,4 +1,4 @@
-//! One line of an experiment: a configuration, and what is changed of it.
+//! One line of an experiment: a configuration with its changes.
 
 use crate::eval::learning::Template;
 use crate::eval::policy_set;
@@ -14,20 +14,20 @@ use crate::DIGITS;
 use foveate_cli::configure::{self, Changes};
 use foveate_cli::runs::Entry;
 
-/// Configurations of the paper: as it is printed, and with its authors' parameters.
+/// Configurations of the paper: as printed, and with its authors' parameters.
 const CONFIGS: [(&str, &str); 2] =
     [("printed", include_str!("../../configs/printed.toml")), ("authors", include_str!("../../configs/authors.toml"))];
 
-/// Which settings a line shows.
+/// The origin of a line's settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Group {
-    /// As this project recommends.
+    /// This project's recommendation.
     #[default]
     Recommended,
     /// The authors' own parameters.
     Authors,
-    /// As the paper prints it.
+    /// The values printed in the paper.
     Printed,
     /// Another tracker.
     Peer,
@@ -51,50 +51,50 @@ pub(super) struct LineSpec {
     pub name: String,
     #[serde(default)]
     pub group: Group,
-    /// The paper's row that it stands beside.
+    /// The paper's row beside it.
     pub row: Option<String>,
-    /// An earlier line: configuration, policy and changes are those of that one where they are not given, and changes are laid over its.
+    /// An earlier line: provides the missing configuration, policy and changes; given changes are merged over its changes.
     pub like: Option<String>,
-    /// One that ships with the program, or a file; left out where `like` says it.
+    /// A shipped configuration or a file; may be omitted with `like`.
     #[serde(default)]
     pub config: String,
-    /// One of `policy_set::policies` by its name; the configuration's own if left out.
+    /// The name of one of `policy_set::policies`; default: the configuration's own.
     pub policy: Option<String>,
-    /// Laid over the configuration.
+    /// Changes merged over the configuration.
     #[serde(default)]
     pub change: toml::Table,
-    /// Names of the scenes it is run on; all if left out.
+    /// Names of the scenes it runs on; default: all.
     pub scenes: Option<Vec<String>>,
-    /// The line it is compared with, video by video; the fixed centre of the same configuration if left out.
+    /// The line for the paired comparison; default: the fixed centre of the same configuration.
     pub against: Option<String>,
-    /// Where a recogniser looks.
+    /// The recogniser's gazes.
     pub looks: Option<Looks>,
-    /// What the template is read from, where a learning curve is drawn.
+    /// The source of the template, for learning curves.
     #[serde(default)]
     pub template: Template,
-    /// Each of many targets has a tracker that knows nothing of the others.
+    /// Whether each of many targets has an independent tracker.
     #[serde(default)]
     pub alone: bool,
 }
 
-/// Where a recogniser looks.
+/// The recogniser's gazes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Looks {
     Random,
     Circular,
-    /// EXP3.
+    /// Chosen by EXP3.
     Learned,
     Fixed,
 }
 
 impl LineSpec {
-    /// Whether it is run on a scene.
+    /// Returns whether the line runs on a scene.
     pub(super) fn is_run_on(&self, scene: &str) -> bool {
         self.scenes.as_ref().is_none_or(|names| names.iter().any(|n| n == scene))
     }
 
-    /// Takes what it leaves out from the line it is like.
+    /// Copies omitted fields from another line.
     pub(super) fn follow(&mut self, other: &Self) {
         if self.config.is_empty() {
             self.config.clone_from(&other.config);
@@ -106,7 +106,7 @@ impl LineSpec {
         lay(&mut self.change, &own);
     }
 
-    /// What is run, with `settings` as [`Config::set`] takes them in the place of its own.
+    /// Returns the checked configuration, with `settings` applied as in [`Config::set`].
     pub(super) fn entry(&self, settings: &[String]) -> Result<Entry> {
         let (mut config, files) = match CONFIGS.iter().find(|(name, _)| *name == self.config) {
             Some((name, text)) => (Config::parse(text, name)?, Folder::here()),
@@ -125,7 +125,7 @@ impl LineSpec {
         let config = Config::parse_with(&text.to_string(), &format!("line {}", self.name), &crate::parts::parts())?;
         let in_line = |e: Error| Error::Config(format!("line {}: {e}", self.name));
         let config = settings.iter().try_fold(config, |config, setting| config.set(setting)).map_err(in_line)?;
-        // The seed of each run is its job's.
+        // The seed of each run is that of its job.
         let blueprint = Config { seed: 0, ..config }.check(&files).map_err(in_line)?;
         let Some(looks) = self.looks else { return Entry::of(blueprint, "") };
         let model = RECOGNISERS.iter().find(|model| DIGITS.ends_with(model.0)).map_or(&[][..], |model| model.1);
@@ -134,7 +134,7 @@ impl LineSpec {
 }
 
 impl Looks {
-    /// The shipped recogniser of digits, looking so.
+    /// Returns the shipped recogniser of digits with these gazes.
     fn recogniser(self) -> RecogniserConfig {
         let grid = Grid { reach: 0.5, ..Grid::default() };
         let policy = match self {
@@ -148,8 +148,7 @@ impl Looks {
     }
 }
 
-/// Lays one table over another: values take the place of values, tables are laid over tables unless they are of another
-/// `kind`.
+/// Merges one table over another: replaces values, and merges nested tables unless their `kind` differs.
 fn lay(below: &mut toml::Table, above: &toml::Table) {
     for (key, value) in above {
         match (below.get_mut(key), value) {

@@ -1,11 +1,11 @@
-//! docs/results.md.
+//! Generates docs/results.md.
 
 use super::line::Group;
 use super::multi_table;
 use super::plan::Measure;
 use super::results::{Line, Results};
 
-/// docs/results.md.
+/// Returns the text of docs/results.md.
 pub(super) fn document(all: &[Results]) -> String {
     let mut out = String::from(
         "# Results\n\nWritten by `cargo run --release -p paper -- reproduce all --data data --write-docs .`; what is changed here by hand is lost.\n\n",
@@ -23,7 +23,7 @@ pub(super) fn document(all: &[Results]) -> String {
     out
 }
 
-/// What the figures are of.
+/// Describes the conditions of the results.
 fn conditions(all: &[Results]) -> String {
     let Some(first) = all.first() else { return "Nothing was run.".into() };
     format!(
@@ -34,7 +34,7 @@ fn conditions(all: &[Results]) -> String {
     )
 }
 
-/// The paper's rows beside the same rows of ours, with each group of settings.
+/// Returns the paper's rows beside the same rows of ours, with each group of settings.
 fn summary(all: &[Results]) -> String {
     let mut out = String::from(
         "| table | policy | the paper | as recommended | median | off at end | authors' parameters | as printed |\n\
@@ -80,8 +80,8 @@ fn short(line: &Line, unit: &str) -> String {
     format!("{:.2} {unit}, {:.0} % off at end", line.tally.mean, 100.0 * line.tally.off_at_end)
 }
 
-/// One table for each scene: means, videos off at end, and paired differences, which experiments on single changes omit. Or the table
-/// of many targets.
+/// Returns one table for each scene: means, videos off at end, and paired differences, which experiments on single changes omit; or the
+/// table of many targets.
 fn table(results: &Results) -> String {
     if !results.multi.is_empty() {
         return multi_table::markdown(&results.multi);
@@ -130,7 +130,7 @@ mod tests {
     use super::super::docs;
     use super::*;
 
-    /// docs/results.md agrees with the stored results; with `FOVEATE_WRITE_DOCS` set, it is written anew.
+    /// docs/results.md agrees with the stored results; with `FOVEATE_WRITE_DOCS` set, the test regenerates it.
     #[test]
     fn documents_agree_with_the_results() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

@@ -1,4 +1,4 @@
-//! `paper reproduce`: the paper's tables and figures beside ours, and experiments of one's own, on one page.
+//! Implements `paper reproduce`: the paper's tables and figures beside ours, and user-defined experiments, on one page.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -32,49 +32,48 @@ mod setup;
 mod surfaces;
 mod table;
 
-/// The paper's tables and figures beside ours: runs what is not done yet, and writes one page.
+/// Run the paper's experiments and write its tables and figures beside those of foveate on one page.
 ///
-/// NAME is all, tables, figures, why (what had to change, each thing on its own), an experiment such as table1, closeup,
-/// fig-digits, why-reward, recovery, or a TOML file as experiments/NAME/experiment.toml are. DIR gets index.html, which needs
-/// nothing else, NAME.json, NAME.csv of each table, NAME.txt of some figures, and the pictures. Finished runs are kept in
-/// DIR/runs: the same command goes on where it was stopped or killed, and results do not depend on the number of threads.
-/// It fails where a figure is outside of its expected range.
+/// NAME is all, tables, figures, why (each necessary change on its own), an experiment such as table1, closeup, fig-digits, why-reward,
+/// recovery, or a TOML file in the format of experiments/NAME/experiment.toml. DIR receives the self-contained index.html, NAME.json,
+/// NAME.csv of each table, NAME.txt of some figures, and the pictures. Finished runs are kept in DIR/runs: the same command resumes after
+/// an interruption, and results do not depend on the number of threads. The command fails if a value lies outside its expected range.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// What to run
+    /// Experiments to run
     #[arg(value_name = "NAME", default_value = "all")]
     names: Vec<String>,
-    /// Folder with MNIST's test files in it or in mnist/, and sequences in tracking/ [default: $FOVEATE_DATA or data;
-    /// without MNIST the digits are drawn by a pen]
+    /// Folder with MNIST's test files in it or in mnist/, and sequences in tracking/ [default: $FOVEATE_DATA or data; without MNIST, digits
+    /// are drawn with pen strokes]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Folder for the page, the results and the finished runs
+    /// Output folder for the page, the results and the finished runs
     #[arg(long, short, value_name = "DIR", default_value = "out/reproduce")]
     out: PathBuf,
-    /// Seeds of videos and trackers: their number, or a range such as 11..=20 [default: what the experiment says]
+    /// Seeds of videos and trackers: their number, or a range such as 11..=20 [default: the experiment's seeds]
     #[arg(long, value_name = "N|A..=B")]
     seeds: Option<Seeds>,
-    /// Change a setting of every configuration, such as particles=400; may be repeated
+    /// Change a setting of every configuration, such as particles=400. Repeatable
     #[arg(long, value_name = "KEY=VALUE", allow_hyphen_values = true)]
     set: Vec<String>,
-    /// A small variant of everything, to see whether it works: a minute or two
+    /// Run a small variant of everything as a quick test: a minute or two
     #[arg(long)]
     quick: bool,
-    /// Do only part I of N of the runs, and no page: for several machines, whose folders are put together by --merge
+    /// Do only part I of N of the runs and write no page, to distribute the runs over several machines; combine their folders with --merge
     #[arg(long, value_name = "I/N", value_parser = runs::parse_shard)]
     shard: Option<(u32, u32)>,
-    /// Take finished runs from these folders of other --out too; may be repeated
+    /// Also take finished runs from these other --out folders. Repeatable
     #[arg(long, value_name = "DIR")]
     merge: Vec<PathBuf>,
-    /// Results of other trackers on the same videos, as bench/peers.py writes them; may be repeated
+    /// Results of other trackers on the same videos, as bench/peers.py writes them. Repeatable
     #[arg(long, value_name = "FILE")]
     peer: Vec<PathBuf>,
-    /// Put the tables into a checkout of the project: experiments/results, docs
+    /// Write the tables into a checkout of the project: experiments/results, docs
     #[arg(long, value_name = "CHECKOUT", conflicts_with_all = ["quick", "shard", "set"])]
     write_docs: Option<PathBuf>,
 }
 
-/// The experiments that are asked for, each once: those of the program in the order of the page, then files.
+/// Returns the requested experiments, each once: those of the program in the order of the page, then files.
 fn chosen(names: &[String]) -> Result<Vec<Experiment>> {
     let such = |name: &str, word: &str| match word {
         "all" => true,
@@ -141,8 +140,8 @@ pub(crate) fn run(args: Args) -> Result<()> {
     report(&path, &sections, began)
 }
 
-/// Runs an experiment. `None` where runs are missing: those of another shard, or it was asked to stop. Figures that take
-/// seconds are no part of a shard.
+/// Runs an experiment. `None` if runs are missing: those of another shard, or after a stop request. Figures that take seconds are not part
+/// of a shard.
 fn content(experiment: &Experiment, setup: &Setup) -> Result<Option<Content>> {
     let table = |table| Content::Table(Box::new(table));
     Ok(match experiment.kind {
@@ -157,7 +156,7 @@ fn content(experiment: &Experiment, setup: &Setup) -> Result<Option<Content>> {
     })
 }
 
-/// Prints what came out; fails where an expectation is not met.
+/// Prints the results; fails if an expectation is not met.
 fn report(path: &Path, sections: &[Section], began: Instant) -> Result<()> {
     for section in sections {
         if let Content::Figure(figure) = &section.content {

@@ -1,4 +1,4 @@
-//! The paper's second experiment: digits that grow, turn and pass over each other, all tracked (section 6.1).
+//! The paper's second experiment: tracks digits that grow, turn and pass over each other (section 6.1).
 
 use crate::eval::multi::{Alone, Line, Run, fps};
 use foveate::config::{Blueprint, RecogniserConfig};
@@ -23,14 +23,14 @@ impl Finished for Run {
     }
 }
 
-/// A line's configuration with a recogniser that says which digit is which; it does not change the tracks.
+/// Returns a line's configuration with a recogniser of the digits; it does not change the tracks.
 fn entry(line: &LineSpec, settings: &[String]) -> Result<Entry> {
     let blueprint = line.entry(settings)?.blueprint;
     let blueprint = blueprint.recognising(RecogniserConfig::multi_fixation(DIGITS), &Folder::here())?;
     Entry::of(blueprint, if line.alone { "alone" } else { "together" })
 }
 
-/// Follows all targets of a video, together or each by a tracker of its own; all randomness is named by the seed.
+/// Follows all targets of a video, together or each by its own tracker; `seed` is the seed of all random numbers.
 fn follow(
     blueprint: &Blueprint,
     alone: bool,
@@ -46,7 +46,7 @@ fn follow(
     Run::follow(video, &mut Alone::new(trackers), observer)
 }
 
-/// Runs what is not done yet. `None` where runs are missing: those of another shard, or it was asked to stop.
+/// Makes the missing runs. `None` if runs are missing: those of another shard, or after a stop request.
 pub(super) fn multi(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
     let scene = experiment.multi.as_ref();
     let scene = scene.ok_or_else(|| Error::Config(format!("{}: no [multi], the scene", experiment.name)))?;
@@ -91,13 +91,13 @@ pub(super) fn multi(experiment: &Experiment, setup: &Setup) -> Result<Option<Tab
     Ok(Some(Table { results, speeds, pictures }))
 }
 
-/// More targets than this are not shown: their boxes hide each other.
+/// Maximum number of targets in a film: with more, boxes hide each other.
 const MANY: usize = 50;
-/// Pictures of the film strip, and how many stand in a row.
+/// Number of pictures of the film strip, and per row.
 const SHOWN: usize = 8;
 const COLUMNS: usize = 4;
 
-/// Shows the first line on the first video: the film strip, and files NAME.mp4 and NAME-report.html.
+/// Draws the first line on the first video: the film strip, and the files NAME.mp4 and NAME-report.html.
 fn film(experiment: &Experiment, blueprint: &Blueprint, video: &MultiVideo, setup: &Setup) -> Result<Picture> {
     let (line, seed, name) = (&experiment.lines[0], experiment.seeds.first, &experiment.name);
     let classes: Vec<String> = video.movers().iter().map(|mover| mover.class.to_string()).collect();

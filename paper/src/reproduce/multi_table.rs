@@ -18,13 +18,13 @@ pub(super) const HEADS: [&str; 12] = [
     "class right",
 ];
 
-/// What the columns say.
+/// Explains the columns.
 pub(super) const LEGEND: &str = "\
 All videos pooled; boxes reported lost are left out. Crossings: half of the smaller box is covered. Preserved: afterwards both targets
 have the tracks they had before; swapped: one has the other's. Scale and angle errors are medians over targets and frames, lost ones
 too. Class right: decided over all frames so far.";
 
-/// As text, in the order of [`HEADS`].
+/// Returns the cells in the order of [`HEADS`].
 pub(super) fn cells(line: &Line) -> [String; HEADS.len()] {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     [
@@ -43,14 +43,14 @@ pub(super) fn cells(line: &Line) -> [String; HEADS.len()] {
     ]
 }
 
-/// The table as Markdown.
+/// Returns the table as Markdown.
 pub(super) fn markdown(lines: &[Line]) -> String {
     let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let rows: String = lines.iter().map(|line| row(&cells(line))).collect();
     format!("{}{}{rows}\n{LEGEND}\n", row(&HEADS.map(String::from)), row(&HEADS.map(|_| "---".into())))
 }
 
-/// A row a line.
+/// Returns the table as CSV, one row per line.
 pub(super) fn csv(lines: &[Line]) -> String {
     let head =
         "scene,line,videos,hota,idf1,mota,switches,crossings,preserved,swapped,scale_error,angle_error,class_right\n";

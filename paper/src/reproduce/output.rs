@@ -1,4 +1,4 @@
-//! What an experiment gives: a table or a figure, with pictures.
+//! The output of an experiment: a table or a figure, with pictures.
 
 use std::path::Path;
 
@@ -20,21 +20,21 @@ pub(super) enum Content {
     Figure(Figure),
 }
 
-/// A table with its pictures, and what depends on the machine: frames a second of each line, where they are known.
+/// A table with its pictures, and the machine-dependent frames per second of each line, if known.
 pub(super) struct Table {
     pub results: Results,
     pub speeds: Vec<Option<f64>>,
     pub pictures: Vec<Picture>,
 }
 
-/// Pictures, the numbers behind them, and what is to be said of them.
+/// Pictures, the numbers behind them, and remarks.
 #[derive(Default)]
 pub(super) struct Figure {
     pub pictures: Vec<Picture>,
     pub numbers: Vec<Value>,
-    /// Aligned text; empty where there is none.
+    /// Aligned text; may be empty.
     pub text: String,
-    /// What could not be shown, and why.
+    /// Missing parts, with the reasons.
     pub missing: Vec<String>,
 }
 
@@ -54,7 +54,7 @@ impl Section {
         }
     }
 
-    /// Its files: results and pictures.
+    /// Writes the files: results and pictures.
     pub(super) fn write(&self, out: &Path) -> Result<()> {
         let (pictures, json) = match &self.content {
             Content::Table(table) => {
@@ -74,7 +74,7 @@ impl Section {
 }
 
 impl Picture {
-    /// Of a file that was just written into a folder.
+    /// Creates the picture of a file that was just written into a folder.
     pub(super) fn read(out: &Path, file: String, caption: String) -> Result<Self> {
         let path = out.join(&file);
         let bytes = std::fs::read(&path).map_err(Error::io(&path, "cannot read the picture just written"))?;

@@ -1,4 +1,4 @@
-//! index.html: one page with everything in it, to read offline.
+//! index.html: a self-contained page for offline reading.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -14,11 +14,11 @@ use super::output::{Content, Picture, Section, Table};
 use super::plan::Measure;
 use super::results::{Line, Results};
 
-/// What is said of --quick.
+/// The notice of --quick.
 const SMALL: &str = "<p><strong>Small variant (--quick):</strong> fewer digits, seeds and frames, and wider ranges. It shows that the program \
     works, not that the paper is reproduced.</p>";
 
-/// The whole page.
+/// Returns the whole page.
 pub(super) fn html(sections: &[Section], digits: &str, quick: bool, took: Duration) -> String {
     let link = |s: &Section| format!("<a href=\"#{0}\">{0}</a>", escape(&s.name));
     let links: String = sections.iter().map(link).collect();
@@ -110,7 +110,7 @@ fn tables(table: &Table) -> String {
     out
 }
 
-/// Means and intervals, with the paper's averages. Errors differ by orders of magnitude: their logarithms are drawn.
+/// Draws means and intervals, with the paper's averages. Errors differ by orders of magnitude, so their axis is logarithmic.
 fn forest(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bool) -> String {
     let (label, scale): (&str, fn(f64) -> f64) = match results.measure {
         Measure::Error => {

@@ -1,4 +1,4 @@
-//! Other trackers on the same videos: what `bench/peers.py` measured, as lines of our tables.
+//! Other trackers on the same videos: the measurements of `bench/peers.py` as lines of our tables.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use super::line::Group;
 use super::plan::Experiment;
 use super::results::Line;
 
-/// A tracker's figures on the videos of one scene of one experiment.
+/// A tracker's results on the videos of one scene of one experiment.
 pub(super) struct Peer {
     experiment: String,
     scene: String,
@@ -20,7 +20,7 @@ pub(super) struct Peer {
 /// The columns of a file.
 const HEAD: &str = "experiment,scene,tracker,digit,seed,mean,spread,off_at_end";
 
-/// Reads files of peers; lines that begin with `#` say how they were made.
+/// Reads files of peers; lines that begin with `#` describe how they were made.
 pub(super) fn read(paths: &[PathBuf]) -> Result<Vec<Peer>> {
     let mut peers: Vec<Peer> = vec![];
     for path in paths {
@@ -58,7 +58,7 @@ fn parse(line: &str) -> Option<Peer> {
     Some(Peer { experiment: experiment.into(), scene: scene.into(), tracker: tracker.into(), figures })
 }
 
-/// The peers' lines of an experiment.
+/// Returns the peers' lines of an experiment.
 pub(super) fn lines<'a>(peers: &'a [Peer], experiment: &'a Experiment) -> impl Iterator<Item = Line> + 'a {
     let such = |peer: &&Peer| {
         peer.experiment == experiment.name && experiment.scenes.iter().any(|scene| scene.name == peer.scene)

@@ -1,4 +1,4 @@
-//! Experiments as data: `experiments/NAME/experiment.toml`, which are part of the program, or files of one's own.
+//! Experiments as data: `experiments/NAME/experiment.toml`, which are part of the program, or the user's own files.
 
 use std::path::Path;
 
@@ -51,24 +51,24 @@ pub(super) struct Experiment {
     #[serde(default)]
     pub kind: Kind,
     pub title: String,
-    /// What is shown, in a few sentences.
+    /// A description of the content, in a few sentences.
     pub about: String,
     #[serde(default)]
     pub measure: Measure,
     /// The digits to follow.
     #[serde(default = "all_digits")]
     pub digits: Vec<u8>,
-    /// Of videos and trackers: a video of each digit, or a run on each video, for each of them.
+    /// Seeds of videos and trackers: a video of each digit, or a run on each video, for each of them.
     pub seeds: Seeds,
     /// Length of each video.
     #[serde(default = "usual_length")]
     pub frames: usize,
     #[serde(default)]
     quick: Quick,
-    /// Names of sequences below `tracking/` of the data; all of them if left out.
+    /// Names of sequences below `tracking/` of the data; default: all.
     #[serde(default)]
     pub sequences: Vec<String>,
-    /// Fewest and most frames for which a target of a real sequence is occluded.
+    /// Minimum and maximum number of frames of an occlusion of a target of a real sequence.
     #[serde(default = "usual_occlusion")]
     pub occluded: (usize, usize),
     #[serde(default, rename = "scene")]
@@ -102,14 +102,14 @@ pub(super) enum Kind {
     Recovery,
 }
 
-/// What is measured of a video.
+/// The measurement of a video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Measure {
-    /// The mean distance of centres, pixels: less is better.
+    /// The mean distance of centres, pixels; lower is better.
     #[default]
     Error,
-    /// The share of frames recognised, per cent: more is better.
+    /// The percentage of frames recognised; higher is better.
     Accuracy,
 }
 
@@ -133,7 +133,7 @@ impl Default for Quick {
 #[serde(deny_unknown_fields)]
 pub(super) struct Scene<V> {
     pub name: String,
-    /// Its digit, seed and length are put in.
+    /// The video; the experiment sets its digit, seed and length.
     pub video: V,
 }
 
@@ -149,7 +149,7 @@ pub(super) struct Printed {
     pub average: f64,
 }
 
-/// A range that a figure has to lie in.
+/// The expected range of a value.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Expect {
@@ -160,10 +160,10 @@ pub(super) struct Expect {
     at_least: Option<f64>,
     quick_at_most: Option<f64>,
     quick_at_least: Option<f64>,
-    /// It does not hold for digits drawn by a pen.
+    /// Whether the range applies only with MNIST, not with drawn digits.
     #[serde(default)]
     pub mnist_only: bool,
-    /// A goal: missing it is reported, and is no failure.
+    /// Whether it is a goal: missing it is reported but is no failure.
     #[serde(default)]
     pub goal: bool,
 }
@@ -174,24 +174,24 @@ pub(super) struct Expect {
 pub(super) enum Metric {
     Mean,
     Median,
-    /// Share of videos that end off the target, 0 to 1.
+    /// Fraction of videos that end off the target, 0 to 1.
     OffAtEnd,
     /// Of many targets.
     Hota,
     /// Of many targets.
     Idf1,
-    /// Share of the crossings that preserve both identities, 0 to 1.
+    /// Fraction of the crossings that preserve both identities, 0 to 1.
     Preserved,
 }
 
 impl Expect {
-    /// Least and greatest value that is allowed.
+    /// Returns the minimum and the maximum allowed value.
     pub(super) fn range(&self, quick: bool) -> (Option<f64>, Option<f64>) {
         if quick { (self.quick_at_least, self.quick_at_most) } else { (self.at_least, self.at_most) }
     }
 }
 
-/// A scene of this text that gives what the experiment puts in, by name, and the key.
+/// Returns the name of a scene in this text that sets a value reserved for the experiment, and the key.
 fn put_in(text: &str) -> Option<(String, &'static str)> {
     let all: toml::Table = toml::from_str(text).ok()?;
     let scenes = all.get("scene").and_then(toml::Value::as_array).into_iter().flatten().chain(all.get("multi"));
@@ -217,7 +217,7 @@ fn usual_occlusion() -> (usize, usize) {
 }
 
 impl Experiment {
-    /// One that is part of the program, by name, or a file of one's own.
+    /// Reads an experiment of the program by name, or a file.
     pub(super) fn named(name: &str) -> Result<Self> {
         if let Some((_, text)) = EXPERIMENTS.iter().find(|e| e.0 == name) {
             return Self::parse(name, text, &format!("experiments/{name}/experiment.toml"));
@@ -293,7 +293,7 @@ impl Experiment {
         Ok(all)
     }
 
-    /// Gives each line what it leaves out. Fails with what is wrong.
+    /// Fills in the omitted fields of each line. Fails with the reason.
     fn complete(&mut self) -> std::result::Result<(), String> {
         for i in 0..self.lines.len() {
             let (earlier, line) = self.lines.split_at_mut(i);
@@ -312,12 +312,12 @@ impl Experiment {
         Ok(())
     }
 
-    /// Its first scene.
+    /// Returns the first scene.
     pub(super) fn scene(&self) -> Result<&Scene<Synthetic>> {
         self.scenes.first().ok_or_else(|| Error::Config(format!("{}: no [[scene]]", self.name)))
     }
 
-    /// Makes it the small variant.
+    /// Changes the experiment to the small variant.
     pub(super) fn make_quick(&mut self) {
         let Quick { digits, seeds, frames } = self.quick.clone();
         (self.digits, self.seeds, self.frames) = (digits, seeds, frames);
@@ -328,7 +328,7 @@ impl Experiment {
         self.lines.iter().position(|l| l.name == line)
     }
 
-    /// The line that a line is compared with: as it says, or else the fixed centre of the same configuration.
+    /// Returns the line for the paired comparison: the given one, or else the fixed centre of the same configuration.
     pub(super) fn against(&self, line: usize) -> Option<usize> {
         let this = &self.lines[line];
         let fixed =

@@ -27,8 +27,8 @@ impl Finished for Clips {
     }
 }
 
-/// Each line on all clips of each sequence; `None` where runs are missing. From each sequence and seed three clips are cut:
-/// the target is covered by what is beside it; the camera looks away and back; it looks away and then to another place.
+/// Runs each line on all clips of each sequence; `None` if runs are missing. Three clips are cut from each sequence for each seed: the
+/// image beside the target covers it; the camera moves away and back; it moves away and then to another place.
 pub(super) fn recovery(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
     let folder = setup.data.join("tracking");
     let mut figure = Figure::default();
@@ -65,7 +65,7 @@ pub(super) fn recovery(experiment: &Experiment, setup: &Setup) -> Result<Option<
     Ok(Some(figure))
 }
 
-/// All clips of one sequence; none where it is too short.
+/// Returns all clips of one sequence; none if it is too short.
 fn cases(experiment: &Experiment, blueprint: &Blueprint, sequence: &Sequence) -> Result<Vec<Case>> {
     let video = of_sequence(sequence)?;
     let mut cases = vec![];

@@ -1,4 +1,4 @@
-//! What an experiment gave, as it is kept: small, without anything that depends on the clock or the machine's size.
+//! The stored results of an experiment: small, and independent of the clock and of the machine.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use super::multi_table;
 use super::plan::{Expect, Experiment, Measure, Metric, Printed};
 use super::setup::Setup;
 
-/// A table of figures.
+/// A table of results.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Results {
     /// Its name.
@@ -22,18 +22,18 @@ pub(super) struct Results {
     pub measure: Measure,
     pub digits_from: String,
     pub digits: Vec<u8>,
-    /// How many.
+    /// Number of seeds.
     pub seeds: u64,
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub first_seed: u64,
     pub frames: usize,
-    /// Settings in the place of those of every configuration.
+    /// Settings that replace those of every configuration.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
-    /// The program's.
+    /// The program's version.
     pub version: String,
     pub lines: Vec<Line>,
-    /// Those of many targets.
+    /// The lines of many targets.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub multi: Vec<multi::Line>,
     pub paper: Vec<Printed>,
@@ -49,16 +49,16 @@ pub(super) struct Line {
     pub configuration: String,
     pub policy: String,
     pub scene: String,
-    /// The line that the differences are against.
+    /// The line that the differences refer to.
     pub other: Option<String>,
     #[serde(flatten)]
     pub tally: Tally,
-    /// Other shares, per cent, by what they are.
+    /// Other percentages, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub details: BTreeMap<String, f64>,
 }
 
-/// An expected range, and whether the figure lies in it.
+/// An expected range, and whether the value lies in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Check {
     pub line: String,
@@ -68,10 +68,11 @@ pub(super) struct Check {
     pub at_least: Option<f64>,
     pub at_most: Option<f64>,
     pub met: bool,
-    /// A goal: missing it is no failure.
+    /// Whether it is a goal: missing it is no failure.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub goal: bool,
-    /// Of the small variant of --quick, which has wider ranges: it says that the program works, not that the figure is the paper's.
+    /// Whether it belongs to the small variant of --quick, which has wider ranges: it tests that the program works, not that it reproduces
+    /// the paper.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub quick: bool,
 }
@@ -85,7 +86,7 @@ fn is_one(seed: &u64) -> bool {
 }
 
 impl Results {
-    /// Without lines.
+    /// Creates results without lines.
     pub(super) fn empty(experiment: &Experiment, setup: &Setup) -> Self {
         Self {
             experiment: experiment.name.clone(),
@@ -106,7 +107,7 @@ impl Results {
         }
     }
 
-    /// Compares the lines with what the experiment expects of its own settings.
+    /// Compares the lines with the expected ranges of the experiment's own settings.
     pub(super) fn check(&mut self, experiment: &Experiment, setup: &Setup) {
         let holds = |e: &&Expect| self.set.is_empty() && (setup.mnist || !e.mnist_only);
         for expect in experiment.expect.iter().filter(holds) {
@@ -120,7 +121,7 @@ impl Results {
         }
     }
 
-    /// A line's figure; `None` where there is no such line.
+    /// Returns the value of a line; `None` if there is no such line.
     fn figure(&self, expect: &Expect) -> Option<f64> {
         let tally = || self.lines.iter().find(|l| l.name == expect.line && l.scene == expect.scene).map(|l| &l.tally);
         let multi = || self.multi.iter().find(|l| l.name == expect.line && l.scene == expect.scene);
@@ -134,7 +135,7 @@ impl Results {
         }
     }
 
-    /// The scenes, each once, in the order of the lines.
+    /// Returns the scenes, each once, in the order of the lines.
     pub(super) fn scenes(&self) -> Vec<&str> {
         let mut scenes: Vec<&str> = vec![];
         for line in &self.lines {
@@ -155,7 +156,7 @@ impl Results {
             .map_err(|e| Error::Invalid(format!("{name}: not results of foveate reproduce: {e}; write them again")))
     }
 
-    /// A row a line and digit, and one for all digits; a row a line of many targets.
+    /// Returns a CSV row for each line and digit, and one for all digits; or a row for each line of many targets.
     pub(super) fn csv(&self) -> String {
         if !self.multi.is_empty() {
             return multi_table::csv(&self.multi);
@@ -187,7 +188,7 @@ impl Results {
 }
 
 impl Check {
-    /// In words.
+    /// Formats the results as text.
     pub(super) fn text(&self) -> String {
         let percent = |x: f64| match self.figure {
             Metric::OffAtEnd | Metric::Preserved => format!("{:.1} %", 100.0 * x),

@@ -4,16 +4,16 @@ use std::str::FromStr;
 
 use serde::Deserialize;
 
-/// Seeds, one after the other; one at least.
+/// Consecutive seeds; at least one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "Written")]
 pub(super) struct Seeds {
     pub first: u64,
-    /// How many.
+    /// Number of seeds.
     pub count: u64,
 }
 
-/// As a file has it.
+/// Seeds in a file.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Written {
@@ -22,7 +22,7 @@ enum Written {
 }
 
 impl Seeds {
-    /// 1 to this one.
+    /// Returns the seeds from 1 to `last`.
     pub(super) fn up_to(last: u64) -> Self {
         Self { first: 1, count: last }
     }

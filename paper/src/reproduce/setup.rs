@@ -1,4 +1,4 @@
-//! What experiments are run on: digits, sequences, finished runs; and what the command line changes of them.
+//! The inputs of experiments: digits, sequences, finished runs, and the changes of the command line.
 
 use std::path::PathBuf;
 
@@ -33,28 +33,28 @@ struct Stored<'a, R> {
 /// Follows the target of a video.
 pub(super) type Following<R> = dyn Fn(&dyn Drawn, &mut Tracker) -> Result<R> + Sync;
 
-/// Digits drawn of each class where there is no MNIST.
+/// Number of digits drawn of each class without MNIST.
 const DRAWN: usize = 40;
 
-/// What experiments are run on.
+/// The inputs of experiments.
 pub(super) struct Setup {
     pub digits: Digits,
-    /// What the digits are.
+    /// Origin of the digits.
     pub from: String,
-    /// Whether they are MNIST's.
+    /// Whether the digits are MNIST's.
     pub mnist: bool,
-    /// The folder whose `tracking/` has real sequences.
+    /// The folder with real sequences in `tracking/`.
     pub data: PathBuf,
     pub store: Store,
-    /// Where files go.
+    /// Output folder.
     pub out: PathBuf,
-    /// Settings that take the place of those of every configuration.
+    /// Settings that replace those of every configuration.
     pub settings: Vec<String>,
     pub quick: bool,
 }
 
 impl Setup {
-    /// On the data of a folder; without one, of $FOVEATE_DATA or `data`, or digits drawn by a pen.
+    /// Uses the data of a folder; by default of $FOVEATE_DATA or `data`, or digits drawn with pen strokes.
     pub(super) fn of(data: Option<PathBuf>, store: Store, out: PathBuf) -> Result<Self> {
         let usual = || std::env::var_os("FOVEATE_DATA").map_or_else(|| "data".into(), PathBuf::from);
         let (given, data) = (data.is_some(), data.unwrap_or_else(usual));
@@ -70,7 +70,7 @@ impl Setup {
         Ok(Self { digits, from: from.into(), mnist, data, store, out, settings: vec![], quick: false })
     }
 
-    /// The runs of all jobs, in their order; `follow` makes those that are not kept yet.
+    /// Returns the runs of all jobs, in their order; `follow` makes the missing ones.
     pub(super) fn runs<R: Finished>(
         &self,
         name: &str,

@@ -1,4 +1,4 @@
-//! Where it learned to look at each digit (section 6.2, the paper's figure of ten digits).
+//! Learned gaze rewards for each digit (section 6.2, the paper's figure of ten digits).
 
 use foveate::gaze::PolicySnapshot;
 use foveate::geometry::Gaze;
@@ -20,7 +20,7 @@ use foveate_cli::runs::{Entry, Finished};
 /// Points along a side of the surfaces.
 const POINTS: usize = 33;
 
-/// What one run learned.
+/// The learned surface of one run.
 #[derive(Clone, Serialize, Deserialize)]
 struct Learned {
     heat: Heat,
@@ -36,7 +36,7 @@ impl Finished for Learned {
 }
 
 impl Learned {
-    /// Follows a video's target, and keeps what the policy believes at the end.
+    /// Follows a video's target, and keeps the policy's final estimates.
     fn follow(video: &dyn Drawn, tracker: &mut Tracker) -> Result<Self> {
         for (index, truth) in video.truth().iter().enumerate() {
             let frame = Frame { index, time: index as f64 / 30.0, image: video.render(index) };
@@ -56,8 +56,7 @@ impl Learned {
     }
 }
 
-/// Reward surfaces: one video of each digit, followed by several trackers that differ in their randomness alone. `None` where
-/// runs are missing.
+/// Computes reward surfaces: one video of each digit, followed by several trackers with different seeds. `None` if runs are missing.
 pub(super) fn surfaces(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
     let (mut figure, seeds, scene) = (Figure::default(), experiment.seeds, &experiment.scene()?.video);
     for (i, line) in experiment.lines.iter().enumerate() {
@@ -79,7 +78,7 @@ pub(super) fn surfaces(experiment: &Experiment, setup: &Setup) -> Result<Option<
     Ok(Some(figure))
 }
 
-/// The figure as PNG, and its numbers: a column a video, from as many runs on each, which stand together.
+/// Returns the figure as PNG, and its numbers: one column per video, with the same number of consecutive runs each.
 fn picture(title: &str, videos: &[Box<dyn Drawn>], learned: &[Learned], retina: &dyn Retina) -> (Vec<u8>, Vec<Value>) {
     let runs = (learned.len() / videos.len().max(1)).max(1);
     let first: Vec<_> = videos.iter().map(|video| video.render(0)).collect();

@@ -1,4 +1,4 @@
-//! A table's runs, and their sums.
+//! A table's runs, and their summaries.
 
 use std::collections::BTreeMap;
 
@@ -26,8 +26,7 @@ enum Done {
     Classes(Recognised),
 }
 
-/// All runs of a table that are not done yet. `None` where some are missing: those of another shard, or it was asked to
-/// stop.
+/// Makes the missing runs of a table. `None` if runs are missing: those of another shard, or after a stop request.
 pub(super) fn table(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
     let entries = experiment.lines.iter().map(|line| line.entry(&setup.settings)).collect::<Result<Vec<_>>>()?;
     let jobs = jobs(experiment);
@@ -78,7 +77,7 @@ impl Done {
     }
 }
 
-/// What else the runs say, per cent.
+/// Returns further percentages of the runs.
 fn details(runs: &[&Done]) -> BTreeMap<String, f64> {
     let tracks: Vec<&Run> =
         runs.iter().filter_map(|d| if let Done::Track(run) = d { Some(run) } else { None }).collect();
@@ -97,7 +96,7 @@ fn details(runs: &[&Done]) -> BTreeMap<String, f64> {
     named.into_iter().filter_map(|(name, share)| Some((name.to_owned(), 100.0 * share?))).collect()
 }
 
-/// Runs of a line on a scene stand together, in the order of its videos.
+/// Returns the jobs; runs of a line on a scene are consecutive, in the order of its videos.
 fn jobs(experiment: &Experiment) -> Vec<Job> {
     let mut jobs = vec![];
     for (entry, line) in experiment.lines.iter().enumerate() {

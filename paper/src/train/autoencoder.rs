@@ -1,4 +1,4 @@
-//! `paper train autoencoder`: a denoising autoencoder with tied weights, from natural glimpses.
+//! Implements `paper train autoencoder`: a denoising autoencoder with tied weights, from natural glimpses.
 
 use crate::autoencoder::{Recipe, Trainer};
 use foveate::Result;
@@ -7,10 +7,10 @@ use foveate::lab::training::filters;
 
 use foveate_cli::training::{self, Glimpses, Natural};
 
-/// Learn a denoising autoencoder with tied weights from glimpses of natural photographs.
+/// Train a denoising autoencoder with tied weights on glimpses of natural photographs.
 ///
-/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
-/// ends with the same bits. The same seed gives the same model for any number of threads.
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives the same result bit for
+/// bit. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -21,16 +21,16 @@ pub(crate) struct Args {
     /// Passes over the glimpses.
     #[arg(long, default_value_t = 30)]
     epochs: usize,
-    /// Rows of a mini-batch.
+    /// Size of a mini-batch.
     #[arg(long, default_value_t = 100)]
     batch: usize,
-    /// Step size.
+    /// Learning rate.
     #[arg(long, default_value_t = 0.5)]
     rate: f32,
     /// Momentum.
     #[arg(long, default_value_t = 0.9)]
     momentum: f32,
-    /// Share of a glimpse's values that noise sets to 0.
+    /// Fraction of a glimpse's values that noise sets to 0.
     #[arg(long, default_value_t = 0.3)]
     mask: f32,
     /// Standard deviation of the noise added to the others.
@@ -55,7 +55,7 @@ impl Args {
             ..Recipe::new(self.hidden)
         }
     }
-    /// The command that makes the same model: every setting said, folders left open.
+    /// Returns the command that makes the same model, with every setting explicit and folders left open.
     fn command(&self, glimpses: &Glimpses) -> String {
         format!(
             "{} --hidden {} --epochs {} --batch {} --rate {} --momentum {} --mask {} --noise {} --l2 {} --out FILE",

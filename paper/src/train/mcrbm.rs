@@ -1,4 +1,4 @@
-//! `paper train mcrbm`: a factored RBM, of covariance and mean units, from natural glimpses.
+//! Implements `paper train mcrbm`: a factored RBM, of covariance and mean units, from natural glimpses.
 
 use crate::mcrbm::{FactoredRbm, Negative, Pooling, Recipe, Trainer, Units};
 use clap::ValueEnum;
@@ -10,10 +10,10 @@ use foveate::rows::{Rows, RowsMut};
 use foveate_cli::say;
 use foveate_cli::training::{self, Glimpses, Natural};
 
-/// Learn a factored RBM, of covariance and mean units, from glimpses of natural photographs.
+/// Train a factored RBM, of covariance and mean units, on glimpses of natural photographs.
 ///
-/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
-/// ends with the same bits. The same seed gives the same model for any number of threads.
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives the same result bit for
+/// bit. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -21,43 +21,43 @@ pub(crate) struct Args {
     /// Factors; the square of an even number for pooling over a grid.
     #[arg(long, default_value_t = 256)]
     factors: usize,
-    /// Which factors a covariance unit begins with: one, or 3 x 3 neighbours on a grid.
+    /// Initial factors of a covariance unit: one, or 3 x 3 neighbours on a grid.
     #[arg(long, value_enum, default_value = "single")]
     pooling: PoolingName,
     /// Mean units.
     #[arg(long, default_value_t = 100)]
     means: usize,
-    /// Share of the glimpses' variance that whitening keeps.
+    /// Fraction of the glimpses' variance that whitening keeps.
     #[arg(long, default_value_t = 0.99)]
     keep: f64,
     /// Passes over the glimpses.
     #[arg(long, default_value_t = 50)]
     epochs: usize,
-    /// Rows of a mini-batch.
+    /// Size of a mini-batch.
     #[arg(long, default_value_t = 128)]
     batch: usize,
-    /// Step size.
+    /// Learning rate.
     #[arg(long, default_value_t = 0.075)]
     rate: f32,
-    /// The epoch after which the step size falls as 1 / epoch.
+    /// Epoch after which the learning rate falls as 1 / epoch.
     #[arg(long, default_value_t = 20)]
     anneal: usize,
-    /// Whether the model's own glimpses begin at the data in every batch, or go on from the batch before.
+    /// Start of the model's own glimpses in every batch: at the data, or at the end of the previous batch.
     #[arg(long, value_enum, default_value = "persistent")]
     negative: NegativeName,
-    /// Leapfrog steps a batch.
+    /// Leapfrog steps per batch.
     #[arg(long, alias = "leaps", default_value_t = 20)]
     leapfrog_steps: usize,
-    /// Share of proposals to be rejected.
+    /// Target rejection rate of proposals.
     #[arg(long, default_value_t = 0.1)]
     rejection: f32,
-    /// Epochs before --l1 pulls.
+    /// First epoch with --l1 weight decay, counted from 0.
     #[arg(long, default_value_t = 10)]
     settle: usize,
-    /// Epochs before pooling weights are learned; never, unless given.
+    /// First epoch in which pooling weights are learned, counted from 0; default: never.
     #[arg(long)]
     learn_pooling: Option<usize>,
-    /// Weight decay of constant size.
+    /// L1 weight decay.
     #[arg(long, default_value_t = 0.001)]
     l1: f32,
 }
@@ -99,7 +99,7 @@ impl Args {
             ..Recipe::new(self.factors, self.means)
         }
     }
-    /// The command that makes the same model: every setting said, folders left open.
+    /// Returns the command that makes the same model, with every setting explicit and folders left open.
     fn command(&self, glimpses: &Glimpses) -> String {
         let name = |value: Option<clap::builder::PossibleValue>| value.expect("a name").get_name().to_string();
         let pooling = self.learn_pooling.map_or(String::new(), |from| format!(" --learn-pooling {from}"));
@@ -165,7 +165,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let rbm = trainer.learned();
     rbm.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
     let (factors, means) = (rbm.factor_filters(), rbm.mean_filters());
-    // The factors' filters, then the mean units'.
+    // The factors' filters, then the mean units' filters.
     let both: Vec<f32> = (factors.chunks_exact(sizes.factors).zip(means.chunks_exact(sizes.mean)))
         .flat_map(|(f, m)| f.iter().chain(m).copied())
         .collect();
@@ -173,7 +173,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     files.finish(Some(&filters::picture(both, glimpses.retina.cells(), both.width())?))
 }
 
-/// Means over some rows: free energy, and how much the units of both kinds are on.
+/// Returns means over some rows: free energy, and the activity of the units of both kinds.
 fn fit(model: &FactoredRbm, rows: Rows<'_>) -> (f64, f64, f64) {
     let (n_h, n) = (model.width(Units::Both), rows.len());
     let mut h = vec![0.0; n * n_h];

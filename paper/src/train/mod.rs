@@ -1,4 +1,4 @@
-//! `paper train`: the first layers that the paper mentions and no shipped configuration uses.
+//! Implements `paper train`: the first layers that the paper mentions and no shipped configuration uses.
 
 use std::ffi::OsString;
 
@@ -7,7 +7,7 @@ use clap::Subcommand;
 pub(crate) mod autoencoder;
 pub(crate) mod mcrbm;
 
-/// Learn a model.
+/// Train a model.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -18,7 +18,7 @@ pub(crate) struct Args {
 pub(crate) enum What {
     Mcrbm(Box<mcrbm::Args>),
     Autoencoder(Box<autoencoder::Args>),
-    /// A model of `foveate train`
+    /// Train a model with `foveate train`
     #[command(external_subcommand)]
     #[expect(dead_code, reason = "foveate reads all arguments itself")]
     Program(Vec<OsString>),
