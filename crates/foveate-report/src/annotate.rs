@@ -1,7 +1,7 @@
-//! A frame with the belief drawn on it: for the video and for stills.
+//! Draws the tracker's state on a frame, for the video and for stills.
 //!
-//! On the left the frame, small ones magnified: box, true box where it is known, path, particles coloured by weight, a cross
-//! at the gaze and the windows of the retina. On the right the glimpse, the gaze policy, and three gauges.
+//! Left: the frame, magnified if small, with box, true box if known, path, particles coloured by weight, a cross at the gaze and the
+//! windows of the retina. Right: the glimpse, the gaze policy, and three gauges.
 
 use std::collections::VecDeque;
 
@@ -16,13 +16,13 @@ use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_core::scene::Image;
 use foveate_video::Frame;
 
-/// Height that small frames are magnified towards, pixels.
+/// Height to which small frames are magnified, pixels.
 const TALL: usize = 480;
-/// A magnified frame is not wider than this, pixels.
+/// Maximum width of a magnified frame, pixels.
 const WIDE: usize = 1280;
-/// Points along a side at which a reward surface is asked for.
+/// Points along a side of a sampled reward surface.
 const POINTS: usize = 9;
-/// Frames of path, and fixations on a reward surface, that are shown.
+/// Number of frames in the path, and of fixations on a reward surface.
 const PATH: usize = 60;
 
 const GROUND: Colour = [18, 21, 26];
@@ -35,7 +35,7 @@ const TRUTH: Colour = [63, 209, 155];
 const LOST: Colour = [255, 122, 56];
 const BLACK: Colour = [0, 0, 0];
 
-/// Where a target was in the last frames.
+/// The target's places in the most recent frames.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Path(VecDeque<Point>);
 
@@ -49,7 +49,7 @@ impl Path {
             self.0.pop_front();
         }
     }
-    /// Draws it, the older the fainter.
+    /// Draws the path; older parts are fainter.
     pub(crate) fn draw(&self, page: &mut Drawing, view: View, thick: f64, colour: Colour, alpha: f64) {
         for (i, (a, b)) in self.0.iter().zip(self.0.iter().skip(1)).enumerate() {
             let fresh = (i + 1) as f64 / self.0.len() as f64;
@@ -61,17 +61,17 @@ impl Path {
 /// Draws the frames of a run with one target, in order.
 pub struct Annotator {
     eye: Option<Eye>,
-    /// Half the sides of the retina's windows, in template units, the innermost first.
+    /// Half the sides of the retina's windows, in template units, innermost first.
     windows: Vec<f64>,
     path: Path,
     truth: Vec<Option<BBox>>,
-    /// Whether glimpse, policy and gauges stand beside the frame.
+    /// Whether glimpse, policy and gauges are drawn beside the frame.
     has_panel: bool,
-    /// The top of the reward surface in the frame at hand.
+    /// The maximum of the current frame's reward surface.
     best: Option<Gaze>,
 }
 
-/// Where the frame lies on the page: `zoom` page pixels for each of its own.
+/// The frame's position on the page: `zoom` page pixels for each of its own.
 #[derive(Clone, Copy)]
 pub(super) struct View {
     zoom: f64,
@@ -87,7 +87,7 @@ impl View {
 }
 
 impl Annotator {
-    /// For a run: without a retina in `info`, its windows and the glimpse are left out.
+    /// Creates an annotator for a run. Without a retina in `info`, its windows and the glimpse are left out.
     pub fn new(info: &RunInfo) -> Self {
         let retina = info.retina.as_deref();
         Self {
@@ -100,12 +100,12 @@ impl Annotator {
         }
     }
 
-    /// The frame alone: without glimpse, policy and gauges beside it.
+    /// Creates an annotator of the frame alone, without glimpse, policy and gauges.
     pub(super) fn frame_alone(info: &RunInfo) -> Self {
         Self { has_panel: false, ..Self::new(info) }
     }
 
-    /// A frame with its target. Width and height are even and at least 2 pixels, the same for all frames.
+    /// Draws a frame with its target. Width and height are even, at least 2 pixels, and the same for all frames.
     pub fn annotate(&mut self, frame: &Frame, seen: &Seen<'_>) -> Image {
         if seen.is_given() {
             self.path.clear();
@@ -140,12 +140,12 @@ impl Annotator {
             status @ Status::Reacquired => banner(&mut page, view, frame, status.name(), [0, 110, 75]),
             status => banner(&mut page, view, frame, status.name(), [190, 74, 0]),
         }
-        // What was drawn over the panel's place is behind it.
+        // The panel covers marks of the frame that extend into it.
         self.side(&mut page, panel, frame, Some(seen));
         page.into_image()
     }
 
-    /// The page with the frame on it, and where the panel begins.
+    /// Returns the page with the frame on it, and the left edge of the panel.
     fn page(&self, frame: &Frame) -> (Drawing, View, usize) {
         let (width, height, view) = magnification(&frame.image);
         let panel = if self.has_panel { (height * 3 / 8).clamp(150, 480) } else { 0 };
@@ -200,7 +200,7 @@ impl Annotator {
         page.text((x + inner - text_width(&time, size), y + 0.3 * size), &time, size, SOFT);
         y += 1.35 * size + 1.3 * pad;
 
-        // Two squares and three gauges share the height that is left.
+        // Two squares and three gauges share the remaining height.
         let gauges = 3.0 * 2.7 * size;
         let square = inner.min((height - y - gauges - 0.6 * pad) / 2.0 - 2.0 * size - 0.8 * pad).max(8.0);
         page.text((x, y), "glimpse", size, SOFT);
@@ -237,12 +237,12 @@ impl Annotator {
     }
 }
 
-/// H.264 has pixels in pairs.
+/// Rounds to an even number, as H.264 requires.
 fn even(n: usize) -> usize {
     n + n % 2
 }
 
-/// Width and height of a picture on the page, and how it lies there.
+/// Returns width and height of a picture on the page, and its view.
 fn magnification(image: &Image) -> (usize, usize, View) {
     let (w, h) = (image.width(), image.height());
     let zoom = ((TALL + h / 2) / h).min(WIDE / w).max(1);
@@ -250,7 +250,7 @@ fn magnification(image: &Image) -> (usize, usize, View) {
     (width, height, View { zoom: zoom as f64, bold: (height as f64 / TALL as f64).clamp(0.8, 3.0) })
 }
 
-/// A page that holds a picture, magnified where it is small, and nothing else.
+/// Returns a page with a picture, magnified if small, and nothing else.
 pub(super) fn magnified(image: &Image) -> (Drawing, View) {
     let (width, height, view) = magnification(image);
     let mut page = Drawing::new(even(width), even(height), GROUND);
@@ -258,7 +258,7 @@ pub(super) fn magnified(image: &Image) -> (Drawing, View) {
     (page, view)
 }
 
-/// The policy over the template's box, on a square of the page.
+/// Draws the policy over the template's box, on a square of the page.
 fn policy(page: &mut Drawing, (x, y): Point, side: f64, seen: &Seen<'_>, best: Option<Gaze>, unit: f64) {
     const REACH: f64 = 1.25;
     let at = |u: f64, v: f64| (x + side * (u / REACH + 1.0) / 2.0, y + side * (v / REACH + 1.0) / 2.0);
@@ -296,7 +296,7 @@ fn policy(page: &mut Drawing, (x, y): Point, side: f64, seen: &Seen<'_>, best: O
     page.disc((cx, cy), 1.8 * unit, INK, 1.0);
 }
 
-/// A square of the template, `reach` around a gaze, as it lies on the frame.
+/// Draws a square of the template, `reach` around a gaze, on the frame.
 #[expect(clippy::too_many_arguments, reason = "a shape, a place and a pen")]
 pub(super) fn outline(
     page: &mut Drawing,
@@ -315,7 +315,7 @@ pub(super) fn outline(
     page.outline(&corners, thick * view.bold, colour, 1.0);
 }
 
-/// A cross at a place of the frame.
+/// Draws a cross at a place of the frame.
 pub(super) fn cross(page: &mut Drawing, view: View, at: Point, arm: f64, thick: f64, colour: Colour) {
     let ((x, y), arm) = (view.at(at), arm * view.bold);
     for (thick, colour, alpha) in [(thick + 1.8, BLACK, 0.5), (thick, colour, 1.0)] {
@@ -324,13 +324,13 @@ pub(super) fn cross(page: &mut Drawing, view: View, at: Point, arm: f64, thick: 
     }
 }
 
-/// The true box, in dashes.
+/// Draws the true box with dashes.
 fn dashed(page: &mut Drawing, view: View, b: &BBox) {
     let (state, extent, dash) = (State::of(b), Extent::of(b), 5.0 * view.bold);
     let corners = CORNERS.map(|(u, v)| view.at((state.x + u * extent.half_w, state.y + v * extent.half_h)));
     for (from, to) in corners.iter().zip(corners.iter().cycle().skip(1)) {
         let length = (to.0 - from.0).hypot(to.1 - from.1);
-        // A box is at most a few pictures wide; whatever it is, a side has at most 1000 dashes.
+        // A box is normally a few pictures wide; in any case a side has at most 1000 dashes.
         let dashes = ((length / dash) as usize).clamp(1, 1000) | 1;
         let at = |i: usize| {
             let t = i as f64 / dashes as f64;
@@ -343,7 +343,7 @@ fn dashed(page: &mut Drawing, view: View, b: &BBox) {
     }
 }
 
-/// The 90 % credible region of the centre.
+/// Draws the 90 % credible region of the centre.
 fn credible(page: &mut Drawing, view: View, seen: &Seen<'_>) {
     const POINTS: usize = 48;
     let (r, (sin, cos)) = (seen.region(0.9), seen.region(0.9).turn.sin_cos());
@@ -357,7 +357,7 @@ fn credible(page: &mut Drawing, view: View, seen: &Seen<'_>) {
     page.outline(&points, 1.2 * view.bold, INK, 0.9);
 }
 
-/// The class of the target above its box, or below where there is no room.
+/// Writes the class of the target above its box, or below if there is no room.
 fn label(page: &mut Drawing, view: View, seen: &Seen<'_>) {
     let Some((class, p)) = seen.class else { return };
     let (text, size, b) = (format!("{}  {:.0} %", seen.class_name(class), 100.0 * p), 9.0 * view.bold, seen.bbox);
@@ -375,7 +375,7 @@ fn banner(page: &mut Drawing, view: View, frame: &Frame, text: &str, ground: Col
     page.text((middle - half, y - size / 2.0), text, size, [255; 3]);
 }
 
-/// The colour of a particle: the ramp without its darkest third.
+/// Returns the colour of a particle: the ramp without its darkest third.
 fn tint(share: f64) -> Colour {
     ramp((1.0 + 2.0 * share.clamp(0.0, 1.0)) / 3.0)
 }

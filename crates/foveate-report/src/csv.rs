@@ -11,13 +11,13 @@ use foveate_base::sink::Sink;
 #[derive(Debug, Default)]
 pub(super) struct Rows {
     pub text: String,
-    /// Columns, and those of the row at hand that are filled.
+    /// The number of columns, and of filled columns in the current row.
     columns: usize,
     filled: usize,
 }
 
 impl Rows {
-    /// The header.
+    /// Starts the text with the header.
     pub(crate) fn new(names: impl IntoIterator<Item: Display>) -> Self {
         let mut rows = Self { columns: usize::MAX, ..Self::default() };
         names.into_iter().for_each(|name| rows.put(name));
@@ -25,22 +25,22 @@ impl Rows {
         rows.end();
         rows
     }
-    /// One cell more. Floating-point numbers get the shortest digits that read back as the same number.
+    /// Adds a cell. Floating-point numbers get the shortest digits that read back as the same number.
     pub(crate) fn put(&mut self, value: impl Display) {
         debug_assert!(self.filled < self.columns, "a row has {} columns", self.columns);
         let comma = if self.filled > 0 { "," } else { "" };
         let _ = write!(self.text, "{comma}{value}");
         self.filled += 1;
     }
-    /// Some cells more.
+    /// Adds several cells.
     pub(crate) fn put_all<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
         values.into_iter().for_each(|value| self.put(value));
     }
-    /// A cell of text.
+    /// Adds a text cell.
     pub(crate) fn put_text(&mut self, text: &str) {
         self.put(quoted(text));
     }
-    /// Ends the row; cells that were not put are empty.
+    /// Ends the row; missing cells are empty.
     pub(crate) fn end(&mut self) {
         self.text.extend(std::iter::repeat_n(',', self.columns - self.filled));
         self.text.push('\n');
@@ -48,14 +48,14 @@ impl Rows {
     }
 }
 
-/// Text as a cell: in quotes where it has to be; behind an apostrophe where a program of tables would take it for a formula.
+/// Formats text as a cell: quoted if necessary, and with a leading apostrophe if a spreadsheet would read it as a formula.
 pub fn quoted(text: &str) -> String {
     let formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']);
     let text = format!("{}{text}", if formula { "'" } else { "" });
     if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
 }
 
-/// A file of such rows.
+/// A CSV file.
 #[derive(Debug)]
 pub(super) struct Csv {
     file: Sink,
@@ -63,22 +63,22 @@ pub(super) struct Csv {
 }
 
 impl Csv {
-    /// Starts the file with its header. Fails where its folder cannot be written.
+    /// Starts the file with its header. Fails if its folder cannot be written.
     pub(crate) fn create(path: impl Into<PathBuf>, columns: &[Column]) -> Result<Self> {
         Ok(Self::to(Sink::create(path)?, columns))
     }
-    /// Rows to a sink.
+    /// Writes rows to a sink.
     pub(crate) fn to(file: Sink, columns: &[Column]) -> Self {
         Self { file, rows: Rows::new(columns.iter().map(|c| c.name)) }
     }
-    /// Adds rows, one after each [`Rows::end`], and hands them to the operating system.
+    /// Adds rows, each ended with [`Rows::end`], and passes them to the operating system.
     pub(crate) fn write(&mut self, fill: impl FnOnce(&mut Rows)) -> Result<()> {
         fill(&mut self.rows);
         self.file.write(self.rows.text.as_bytes())?;
         self.rows.text.clear();
         self.file.flush()
     }
-    /// Gives the file its name.
+    /// Gives the file its final name.
     pub(crate) fn finish(&mut self) -> Result<()> {
         if !self.rows.text.is_empty() {
             self.write(|_| ())?;

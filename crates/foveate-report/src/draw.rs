@@ -23,14 +23,14 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// A page of one colour. Panics if a side is 0.
+    /// Creates a page of one colour. Panics if a side is 0.
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
         let bytes = colour.iter().flat_map(|&c| std::iter::repeat_n(c, width * height)).collect();
         Self { image: Image::new(width, height, 3, bytes).expect("three planes of a size that is not zero") }
     }
 
-    /// Puts a picture into `width` × `height` pixels of the page, its top-left corner at (`left`, `top`): each of them
-    /// shows the nearest pixel. What lies outside is cut off.
+    /// Scales a picture to `width` × `height` pixels of the page, with its top-left corner at (`left`, `top`) and nearest-neighbour
+    /// sampling. The part outside the page is cut off.
     pub fn paste(&mut self, image: &Image, left: usize, top: usize, width: usize, height: usize) {
         let page = (self.width(), self.height());
         let columns: Vec<usize> =
@@ -48,24 +48,24 @@ impl Drawing {
         }
     }
 
-    /// Width in pixels.
+    /// Returns the width in pixels.
     pub fn width(&self) -> usize {
         self.image.width()
     }
-    /// Height in pixels.
+    /// Returns the height in pixels.
     pub fn height(&self) -> usize {
         self.image.height()
     }
-    /// The picture.
+    /// Returns the picture.
     pub fn image(&self) -> &Image {
         &self.image
     }
-    /// The finished picture.
+    /// Returns the finished picture.
     pub fn into_image(self) -> Image {
         self.image
     }
 
-    /// The columns and rows that a box touches. Casts from f64 saturate: coordinates may be anywhere, or NaN.
+    /// Returns the columns and rows that a box touches. Casts from f64 saturate: coordinates may have any value, or be NaN.
     fn pixels(&self, ((left, top), (right, bottom)): (Point, Point)) -> (Range<usize>, Range<usize>) {
         let span = |from: f64, to: f64, side: usize| {
             let end = (to.ceil() + 1.0).clamp(0.0, side as f64) as usize;
@@ -74,7 +74,7 @@ impl Drawing {
         (span(left, right, self.width()), span(top, bottom, self.height()))
     }
 
-    /// Lays a colour over the pixels of a box as far as `coverage` (0 to 1) says.
+    /// Blends a colour over the pixels of a box with the given `coverage` (0 to 1).
     fn cover(&mut self, bounds: (Point, Point), colour: Colour, coverage: impl Fn(usize, usize) -> f64) {
         let width = self.width();
         let (columns, rows) = self.pixels(bounds);
@@ -88,7 +88,7 @@ impl Drawing {
         }
     }
 
-    /// Lays a colour over a pixel.
+    /// Blends a colour over a pixel.
     fn blend(&mut self, at: usize, colour: Colour, alpha: f64) {
         for (p, c) in colour.into_iter().enumerate() {
             let pixel = &mut self.image.plane_mut(p)[at];
@@ -96,7 +96,7 @@ impl Drawing {
         }
     }
 
-    /// Fills a box, its edges anywhere between pixels.
+    /// Fills a box, with edges at any position between pixels.
     pub fn fill(&mut self, left: f64, top: f64, width: f64, height: f64, colour: Colour, alpha: f64) {
         let (right, bottom) = (left + width, top + height);
         let share = |at: f64, from: f64, to: f64| (to.min(at + 0.5) - from.max(at - 0.5)).clamp(0.0, 1.0);
@@ -105,8 +105,8 @@ impl Drawing {
         });
     }
 
-    /// Lays colours over the pixels of a box, those whose centres lie in it: each pixel's own, as far as its alpha (0 to 1)
-    /// says; `None` leaves it alone.
+    /// Blends colours over the pixels whose centres lie in a box, each with its own colour and alpha (0 to 1); `None` leaves a pixel
+    /// unchanged.
     pub fn shade(
         &mut self,
         left: f64,
@@ -127,9 +127,9 @@ impl Drawing {
         }
     }
 
-    /// A line through points, `thick` pixels wide with round ends; one point is a dot.
+    /// Draws a line through points, `thick` pixels wide with round ends; one point is a dot.
     ///
-    /// Coverage is gathered segment by segment and laid on once, so that corners are no darker than the rest.
+    /// Coverage is accumulated over all segments and blended once, so that corners are no darker than the rest.
     pub fn line(&mut self, points: &[Point], thick: f64, colour: Colour, alpha: f64) {
         let r = thick / 2.0;
         let Some(whole) = bounds(points, r + 1.0) else { return };
@@ -151,18 +151,18 @@ impl Drawing {
         self.cover(whole, colour, |x, y| alpha * f64::from(coverage[(y - rows.start) * width + (x - columns.start)]));
     }
 
-    /// A closed line.
+    /// Draws a closed line.
     pub fn outline(&mut self, corners: &[Point], thick: f64, colour: Colour, alpha: f64) {
         let ring: Vec<Point> = corners.iter().chain(corners.first()).copied().collect();
         self.line(&ring, thick, colour, alpha);
     }
 
-    /// A filled disc.
+    /// Draws a filled disc.
     pub fn disc(&mut self, centre: Point, radius: f64, colour: Colour, alpha: f64) {
         self.line(&[centre], 2.0 * radius, colour, alpha);
     }
 
-    /// A circle.
+    /// Draws a circle.
     pub fn ring(&mut self, centre: Point, radius: f64, thick: f64, colour: Colour, alpha: f64) {
         let Some(whole) = bounds(&[centre], radius + thick + 1.0) else { return };
         self.cover(whole, colour, |x, y| {
@@ -171,7 +171,7 @@ impl Drawing {
         });
     }
 
-    /// A line of text with capitals `size` pixels high, their top-left corner at `at`. Returns its width.
+    /// Writes a line of text with capitals `size` pixels high, their top-left corner at `at`. Returns its width.
     pub fn text(&mut self, at: Point, text: &str, size: f64, colour: Colour) -> f64 {
         let unit = size / font::CAPITAL;
         let mut pen = at.0;
@@ -187,7 +187,7 @@ impl Drawing {
     }
 }
 
-/// Width of a line of text whose capitals are `size` pixels high.
+/// Returns the width of a line of text with capitals `size` pixels high.
 pub fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(|letter| font::glyph(letter).1).sum::<f64>() * size / font::CAPITAL
 }
@@ -212,7 +212,7 @@ fn to_segment(p: Point, a: Point, b: Point) -> f64 {
 mod tests {
     use super::*;
 
-    /// What was laid on a black page, in pixels of white.
+    /// Returns the amount of white drawn on a black page, in pixels.
     fn ink(draw: impl Fn(&mut Drawing)) -> f64 {
         let mut page = Drawing::new(64, 48, [0; 3]);
         draw(&mut page);

@@ -4,10 +4,10 @@ use foveate_core::identity::Retina;
 use foveate_core::identity::retina::Cell;
 use foveate_core::scene::Image;
 
-/// Most smallest cells along a side that are drawn one by one.
+/// Maximum number of smallest cells along a side that are drawn individually.
 const MOST: usize = 256;
 
-/// Half the sides of a retina's windows in template units, the innermost first: its grey cells by their size.
+/// Returns half the sides of a retina's windows in template units, innermost first, by the sizes of its grey cells.
 pub(super) fn windows(retina: &dyn Retina) -> Vec<f64> {
     let mut windows: Vec<(f64, f64)> = vec![];
     for cell in retina.cells().iter().filter(|c| c.channel == 0) {
@@ -21,7 +21,7 @@ pub(super) fn windows(retina: &dyn Retina) -> Vec<f64> {
     windows.into_iter().map(|w| w.1).collect()
 }
 
-/// Which cell of a retina is seen where, on a raster of its smallest cells.
+/// The cell of a retina at each pixel of a raster of its smallest cells.
 #[derive(Clone, Debug)]
 pub(super) struct Eye {
     side: usize,
@@ -30,7 +30,7 @@ pub(super) struct Eye {
 }
 
 impl Eye {
-    /// `None` for a retina without cells.
+    /// Returns `None` for a retina without cells.
     pub(crate) fn new(retina: &dyn Retina) -> Option<Self> {
         let cells = retina.cells();
         let reach = cells.iter().map(|c| c.u.abs().max(c.v.abs()) + c.half).fold(0.0, f64::max);
@@ -47,13 +47,13 @@ impl Eye {
         (!cells.is_empty()).then_some(eye)
     }
 
-    /// What was seen, one pixel for each smallest cell; black where the retina has no grey cell.
+    /// Draws a glimpse, one pixel for each smallest cell; black where the retina has no grey cell.
     pub(crate) fn picture(&self, glimpse: &[f32]) -> Image {
         let mut rgb = Vec::with_capacity(3 * self.side * self.side);
         for i in 0..self.side * self.side {
             let value = |channel: usize| self.maps[channel][i].and_then(|cell| glimpse.get(cell)).copied();
-            // Grey is BT.601 luma, then (red − green) / 2 and (2 blue − red − green) / 4 around one half, as the
-            // pyramid's channels are: three equations for red, green and blue.
+            // Grey is BT.601 luma; the other channels are (red − green) / 2 and (2 blue − red − green) / 4 around one half, as in the
+            // pyramid. These are three equations for red, green and blue.
             let (grey, a, b) =
                 (value(0).unwrap_or(0.0), 2.0 * (value(1).unwrap_or(0.5) - 0.5), 4.0 * (value(2).unwrap_or(0.5) - 0.5));
             let green = grey - 0.356 * a - 0.057 * b;

@@ -14,13 +14,13 @@ use foveate_core::geometry::{BBox, State};
 use foveate_core::scene::Image;
 use foveate_video::{Frame, Mp4Writer};
 
-/// Frames a second where the source does not say.
+/// Frame rate if the source has none, frames per second.
 const USUAL_RATE: f64 = 30.0;
 
-/// A video in the making; its size follows from the first picture.
+/// A video being written; the first picture determines its size.
 struct Video {
     path: PathBuf,
-    /// In the place of a file.
+    /// Set if the video is written to memory instead of a file.
     memory: Option<Memory>,
     rate: f64,
     bit_rate: Option<f64>,
@@ -36,7 +36,7 @@ impl Video {
         let rate = if info.rate.is_finite() && info.rate > 0.0 { info.rate } else { USUAL_RATE };
         Self { path, memory, rate, bit_rate: info.bit_rate, writer: None }
     }
-    /// A picture, and when its frame is shown in the source, in seconds.
+    /// Adds a picture and the time of its frame in the source, in seconds.
     fn push(&mut self, picture: &Image, time: f64) -> Result<()> {
         if self.writer.is_none() {
             let (width, height, rate) = (picture.width(), picture.height(), self.rate);
@@ -56,7 +56,7 @@ impl Video {
     }
 }
 
-/// Fails where the folder of a file is not there.
+/// Fails if the folder of a file does not exist.
 pub(super) fn writable(path: &Path) -> Result<()> {
     std::fs::metadata(folder_of(path)).map(drop).map_err(Error::io(path, "cannot write"))
 }
@@ -64,32 +64,32 @@ pub(super) fn writable(path: &Path) -> Result<()> {
 /// Draws a frame with its targets.
 type Draw = Box<dyn FnMut(&Frame, &[Seen<'_>]) -> Image + Send>;
 
-/// annotated.mp4: every frame as an annotator draws it, at the source's times and about its bit rate.
+/// annotated.mp4: every frame as an annotator draws it, with the source's times and approximately its bit rate.
 pub struct Film {
     video: Video,
     draw: Draw,
 }
 
 impl Film {
-    /// Will write `path`, an MP4 file with H.264, of a run with one target.
+    /// Creates an observer that writes `path`, an MP4 file with H.264, of a run with one target.
     ///
     /// # Errors
-    /// Its folder is not there.
+    /// Its folder does not exist.
     pub fn create(path: impl Into<PathBuf>, info: &RunInfo) -> Result<Self> {
         Ok(Self { video: Video::create(path.into(), info)?, draw: Self::one(info) })
     }
 
-    /// The same of a run with many targets.
+    /// Creates an observer that writes `path`, an MP4 file with H.264, of a run with many targets.
     ///
     /// # Errors
-    /// Its folder is not there.
+    /// Its folder does not exist.
     pub fn of_many(path: impl Into<PathBuf>, info: &RunInfo) -> Result<Self> {
         let mut annotator = MultiAnnotator::default();
         let draw = Box::new(move |frame: &Frame, targets: &[Seen<'_>]| annotator.annotate(frame, targets));
         Ok(Self { video: Video::create(path.into(), info)?, draw })
     }
 
-    /// The film of one target in memory; `name` stands for the file in errors.
+    /// Creates an observer that writes the film of one target to memory; `name` identifies it in errors.
     pub fn to(memory: Memory, name: impl Into<PathBuf>, info: &RunInfo) -> Self {
         Self { video: Video::of(name.into(), Some(memory), info), draw: Self::one(info) }
     }
@@ -112,7 +112,7 @@ impl Observer for Film {
     }
 }
 
-/// annotated.mp4 of several trackers on the same frames: the run's own on the left, others, which it drives, to the right of it.
+/// annotated.mp4 of several trackers on the same frames: the run's own on the left, and the others, which it drives, to the right.
 pub struct SideBySide {
     video: Video,
     annotators: Vec<Annotator>,
@@ -122,11 +122,11 @@ pub struct SideBySide {
 }
 
 impl SideBySide {
-    /// Will write `path`, as [`Film::create`] does. The track of each of the others goes to its [`Baseline`], whose name is written above
-    /// its pane, as `name` is above the first one.
+    /// Creates an observer that writes `path`, as [`Film::create`] does. The track of each other tracker goes to its [`Baseline`], whose
+    /// name is written above its pane; `name` is written above the first one.
     ///
     /// # Errors
-    /// Its folder is not there.
+    /// Its folder does not exist.
     pub fn create(
         path: impl Into<PathBuf>,
         info: &RunInfo,
@@ -138,10 +138,10 @@ impl SideBySide {
         Ok(Self { video: Video::create(path.into(), info)?, annotators, name, others, truth: info.truth.clone() })
     }
 
-    /// All panes under their names; `said` is written at the right end of each name's line.
+    /// Adds all panes with their names; `said` is written at the right end of each name's line.
     fn push(&mut self, panes: &[(Image, String)], time: f64) -> Result<()> {
         let height = panes.iter().map(|(pane, _)| pane.height()).max().unwrap_or(0);
-        // Even, as H.264 has pixels in pairs.
+        // Even dimensions, as H.264 requires.
         let (strip, gap) = (height / 26 * 2, height / 104 * 2);
         let width = panes.iter().map(|(pane, _)| pane.width() + gap).sum::<usize>() - gap;
         let mut page = Drawing::new(width, strip + height, [18, 21, 26]);
@@ -158,7 +158,7 @@ impl SideBySide {
         self.video.push(&page.into_image(), time)
     }
 
-    /// How far the centre is from the true one.
+    /// Formats the distance of the centre from the true one.
     fn error(truth: &[Option<BBox>], frame: &Frame, estimate: &State) -> String {
         let off = |b: &BBox| (b.centre().0 - estimate.x).hypot(b.centre().1 - estimate.y);
         let truth = truth.get(frame.index).and_then(Option::as_ref);

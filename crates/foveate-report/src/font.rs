@@ -91,10 +91,10 @@ const GLYPHS: &[(char, &str)] = &[
     ('\u{b7}', "-03"),
     ('\u{b0}', "o00202202"),
 ];
-/// Drawn for letters the font has not.
+/// Drawn for letters missing from the font.
 const UNKNOWN: &str = "-0040460600";
 
-/// A letter's strokes, in grid units, and its advance.
+/// Returns a letter's strokes, in grid units, and its advance.
 pub(super) fn glyph(letter: char) -> (Vec<Vec<(f64, f64)>>, f64) {
     if letter == ' ' {
         return (vec![], BLANK);
@@ -102,7 +102,7 @@ pub(super) fn glyph(letter: char) -> (Vec<Vec<(f64, f64)>>, f64) {
     let code = GLYPHS.iter().find(|g| g.0 == letter).map_or(UNKNOWN, |g| g.1);
     let strokes: Vec<_> = code.split(' ').map(stroke).collect();
     let width = strokes.iter().flatten().map(|p| p.0).fold(0.0, f64::max);
-    // Digits are equally wide, so that counting numbers do not jitter.
+    // Digits have equal widths, so that changing numbers do not jitter.
     (strokes, if letter.is_ascii_digit() { 4.0 } else { width } + GAP)
 }
 
@@ -120,7 +120,7 @@ fn stroke(code: &str) -> Vec<(f64, f64)> {
     }
 }
 
-/// Chaikin's corner cutting; an open line keeps its ends.
+/// Applies Chaikin's corner cutting; an open line keeps its ends.
 fn cut(points: &[(f64, f64)], closed: bool) -> Vec<(f64, f64)> {
     let mix = |a: (f64, f64), b: (f64, f64), t: f64| (a.0 + t * (b.0 - a.0), a.1 + t * (b.1 - a.1));
     let n = points.len();

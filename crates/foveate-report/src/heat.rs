@@ -20,15 +20,15 @@ pub struct Heat {
 }
 
 impl Heat {
-    /// A surface on n × n points, n at least 2.
+    /// Samples a surface on n × n points, n at least 2.
     pub fn of(surface: &dyn Surface, n: usize) -> Self {
         let (n, reach) = (n.max(2), surface.reach());
         let at = |i: usize| reach * (2.0 * i as f64 / (n - 1) as f64 - 1.0);
         let (mean, sd) = (0..n * n).map(|i| surface.at(at(i % n), at(i / n))).unzip();
         Self { n, reach, mean, sd }
     }
-    /// The mixture of several runs' surfaces on the same points: its mean, and the standard deviation of the runs' means and
-    /// their own together. `None` without a surface, or where the points differ.
+    /// Returns the mixture of several runs' surfaces on the same points: its mean, and the standard deviation that combines the runs' means
+    /// with their own deviations. `None` without a surface, or if the points differ.
     pub fn average(all: &[Self]) -> Option<Self> {
         let first = all.first()?;
         if all.iter().any(|heat| (heat.n, heat.reach) != (first.n, first.reach)) {
@@ -41,7 +41,7 @@ impl Heat {
         let sd = (0..mean.len()).map(|i| variance(i).sqrt()).collect();
         Some(Self { n: first.n, reach: first.reach, mean, sd })
     }
-    /// `values` (the mean, or the sd) at a gaze, bilinear between the points; `None` outside of them.
+    /// Interpolates `values` (the mean or the sd) bilinearly at a gaze; `None` outside the points.
     pub fn read(&self, values: &[f64], u: f64, v: f64) -> Option<f64> {
         let place = |x: f64| (x / self.reach + 1.0) / 2.0 * (self.n - 1) as f64;
         let (x, y, last) = (place(u), place(v), (self.n - 1) as f64);
@@ -53,7 +53,7 @@ impl Heat {
         let row = |j: usize| (1.0 - fx) * values[j * self.n + i] + fx * values[j * self.n + i + 1];
         Some((1.0 - fy) * row(j) + fy * row(j + 1))
     }
-    /// The grid point with the largest mean; `None` without a point.
+    /// Returns the grid point with the largest mean; `None` without a point.
     pub fn best(&self) -> Option<Gaze> {
         let k = (0..self.mean.len()).max_by(|a, b| self.mean[*a].total_cmp(&self.mean[*b]))?;
         let at = |i: usize| self.reach * (2.0 * i as f64 / (self.n - 1) as f64 - 1.0);
@@ -61,15 +61,15 @@ impl Heat {
     }
 }
 
-/// Least and greatest of the finite values; (0, 1) where there is none.
+/// Returns the minimum and the maximum of the finite values; (0, 1) if there are none.
 pub fn span(values: &[f64]) -> (f64, f64) {
     let finite = || values.iter().copied().filter(|v| v.is_finite());
     let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
     if low <= high { (low, high) } else { (0.0, 1.0) }
 }
 
-/// The colour of a share, 0 to 1: indigo, violet, rose, pale yellow. Its brightness grows all the way, so that it can be read
-/// by colour-blind people and in grey. What is not finite counts as 0.
+/// Returns the colour of a fraction, 0 to 1: indigo, violet, rose, pale yellow. Brightness increases monotonically, so that colour-blind
+/// people and grey prints show it. Values that are not finite count as 0.
 pub fn ramp(share: f64) -> Colour {
     const STOPS: [[f64; 3]; 4] =
         [[26.0, 16.0, 70.0], [111.0, 71.0, 230.0], [224.0, 82.0, 143.0], [255.0, 236.0, 130.0]];
@@ -83,7 +83,7 @@ pub fn ramp(share: f64) -> Colour {
 pub(super) mod tests {
     use super::*;
 
-    /// A hill on (0.4, −0.2); the farther from the centre, the less is known.
+    /// A hill at (0.4, −0.2); its uncertainty grows with the distance from the centre.
     pub(crate) struct Hill(pub Vec<Gaze>);
 
     impl Surface for Hill {

@@ -1,6 +1,6 @@
 #![doc = include_str!("../README.md")]
-//! Observers read each seen of a run and write files. The tracking loop does not know them. Every file appears under its
-//! name when it is whole: at [`Observer::finish`].
+//! Observers read every [`Seen`] of a run and write files. The tracking loop does not depend on them. Every file gets its
+//! final name when it is complete: at [`Observer::finish`].
 //!
 //! | one target | many targets | file |
 //! | --- | --- | --- |
@@ -9,11 +9,11 @@
 //! | [`Trace`] | | trace.jsonl: every intermediate quantity |
 //! | [`Film`] | [`Film`] | annotated.mp4 |
 //! | [`Report`] | [`MultiReport`] | report.html: a page that replays the run offline |
-//! | [`SurfacePicture`] | | surface.png: what the gaze policy learned |
+//! | [`SurfacePicture`] | | surface.png: the gaze policy's learned rewards |
 //! | [`Strip`] | [`MultiStrip`] | a film strip |
-//! | [`Stream`] | [`Stream`] | a line a frame as it happens, to a pipe or an address |
+//! | [`Stream`] | [`Stream`] | one line per frame as it is tracked, to a pipe or an address |
 //!
-//! [`columns`] says what every column of the text files means.
+//! [`columns`] describes every column of the text files.
 #![forbid(unsafe_code)]
 
 mod annotate;
@@ -66,17 +66,17 @@ use foveate_video::{Frame, SourceInfo};
 
 /// Observes a run.
 ///
-/// `observe` is called once per frame, in order, with all active targets in the order of their ids, also if there are none. In a run with
-/// one target it is that one; [`Seen::is_given`] tells the frames in which its box was given. A target that is missing was terminated; it
-/// may be re-identified later ([`foveate_core::multi::Phase::ReIdentified`]). `finish` is called once, at the end, also if the source broke
-/// half-way. An observer must not change what it observes; one that is dropped without `finish` leaves no file.
+/// `observe` is called once per frame, in order, with all active targets in the order of their ids, even if there are none. In a run with
+/// one target it is that target; [`Seen::is_given`] is true in frames with a given box. A missing target was terminated; it may be
+/// re-identified later ([`foveate_core::multi::Phase::ReIdentified`]). `finish` is called once, at the end, even if the source broke off.
+/// An observer must not change its arguments; one that is dropped without `finish` leaves no file.
 pub trait Observer {
-    /// A frame and its active targets.
+    /// Observes a frame and its active targets.
     ///
     /// # Errors
     /// A file cannot be written.
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()>;
-    /// The end: files get their names.
+    /// Ends the observation: files get their final names.
     ///
     /// # Errors
     /// A file cannot be written.
@@ -94,7 +94,7 @@ impl Observer for Box<dyn Observer> {
     }
 }
 
-/// Each of them in turn. Where one fails, `finish` still comes to all; the first error is returned.
+/// Calls each observer in turn. If one fails, `finish` is still called for all; the first error is returned.
 impl Observer for Vec<Box<dyn Observer>> {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         self.iter_mut().try_for_each(|o| o.observe(frame, targets))
@@ -104,7 +104,7 @@ impl Observer for Vec<Box<dyn Observer>> {
     }
 }
 
-/// Total time spent in the tracker: added up by the runner, read by reports. Clones share one sum.
+/// Total time spent in the tracker: accumulated by the runner, read by reports. Clones share one sum.
 #[derive(Clone, Debug, Default)]
 pub struct Clock(Arc<AtomicU64>);
 
@@ -113,22 +113,22 @@ impl Clock {
     pub fn add(&self, time: Duration) {
         self.0.fetch_add(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
     }
-    /// The sum; zero where it is not measured.
+    /// Returns the sum; zero if time is not measured.
     pub fn total(&self) -> Duration {
         Duration::from_nanos(self.0.load(Ordering::Relaxed))
     }
 }
 
-/// What the readers of a run's results should be warned of: filled during the run, read by reports. Clones share one list.
+/// Warnings for the readers of a run's results: filled during the run, read by reports. Clones share one list.
 #[derive(Clone, Debug, Default)]
 pub struct Warnings(Arc<Mutex<Vec<String>>>);
 
 impl Warnings {
-    /// Adds a warning: whole sentences.
+    /// Adds a warning of whole sentences.
     pub fn add(&self, warning: String) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(warning);
     }
-    /// All warnings so far.
+    /// Returns all warnings so far.
     pub fn all(&self) -> Vec<String> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -138,68 +138,68 @@ impl Warnings {
 #[derive(Clone, Debug, Default)]
 pub struct Baseline {
     name: String,
-    /// A box a frame from frame 0 on, and the values read for it.
+    /// A box per frame from frame 0 on, and the number of values read for it.
     track: Arc<Mutex<Vec<(BBox, usize)>>>,
 }
 
 impl Baseline {
-    /// Whose it is, such as "fixed centre"; without a frame yet.
+    /// Creates an empty track with a name such as "fixed centre".
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), track: Arc::default() }
     }
-    /// Whose it is.
+    /// Returns the name.
     pub fn name(&self) -> &str {
         &self.name
     }
-    /// Adds the next frame: its box, and how many values were read.
+    /// Adds the next frame: its box, and the number of values read.
     pub fn add(&self, bbox: BBox, values: usize) {
         self.track.lock().unwrap_or_else(PoisonError::into_inner).push((bbox, values));
     }
-    /// The boxes so far, from frame 0 on.
+    /// Returns the boxes so far, from frame 0 on.
     pub fn boxes(&self) -> Vec<BBox> {
         self.track.lock().unwrap_or_else(PoisonError::into_inner).iter().map(|(bbox, _)| *bbox).collect()
     }
-    /// The values read so far.
+    /// Returns the number of values read so far.
     pub fn values(&self) -> usize {
         self.track.lock().unwrap_or_else(PoisonError::into_inner).iter().map(|(_, values)| values).sum()
     }
 }
 
-/// What a run is, for the readers of its results. Texts may hold anything: they are escaped where they are written.
+/// The description of a run for the readers of its results. Texts may contain any characters: they are escaped when written.
 #[derive(Clone, Default)]
 pub struct RunInfo {
     /// The video file or folder.
     pub source: String,
-    /// How it is decoded: [`foveate_video::SourceInfo::reader`].
+    /// Description of the decoder: [`foveate_video::SourceInfo::reader`].
     pub reader: String,
-    /// Frames a second of the source; 0 where it does not say.
+    /// Frame rate of the source, frames per second; 0 if unknown.
     pub rate: f64,
-    /// Bits a second of the source, where it is a video file: what annotated.mp4 aims at. `None` spares no bits.
+    /// Bit rate of the source if it is a video file, bits per second: the target of annotated.mp4. `None` sets no limit.
     pub bit_rate: Option<f64>,
     /// File or name of the configuration.
     pub config_name: String,
     /// The whole configuration, as TOML.
     pub config_text: String,
-    /// The seed in force.
+    /// The random seed.
     pub seed: u64,
     /// The command line.
     pub command: String,
     /// The retina, to draw its windows and glimpses; `None` leaves them out.
     pub retina: Option<Arc<dyn Retina>>,
-    /// The true boxes from frame 0 on, where they are known, to be drawn beside the estimate; may be shorter than the run.
+    /// The true boxes from frame 0 on, if known, drawn beside the estimate; may be shorter than the run.
     pub truth: Vec<Option<BBox>>,
-    /// Other tracks of the same frames, to be drawn beside the estimate.
+    /// Other tracks of the same frames, drawn beside the estimate.
     pub baselines: Vec<Baseline>,
     /// The time spent in the tracker.
     pub clock: Clock,
-    /// What its readers should be warned of.
+    /// Warnings for the readers.
     pub warnings: Warnings,
     /// Fixed gazes that are scored in every frame to compute the regret; empty for none.
     pub shadow: Vec<Gaze>,
 }
 
 impl RunInfo {
-    /// Of a run on this source with this configuration, whose name is given; what else may be known is left out.
+    /// Creates the description of a run on this source with this named configuration; optional data are left out.
     pub fn of(source: String, about: &SourceInfo, config_name: String, blueprint: &Blueprint, seed: u64) -> Self {
         Self {
             source,

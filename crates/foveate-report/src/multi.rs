@@ -1,4 +1,4 @@
-//! A frame with all its targets: rotated boxes, paths, gazes, ids and classes, each target in a colour of its own.
+//! A frame with all its targets: rotated boxes, paths, gazes, ids and classes, each target in its own colour.
 
 use foveate_base::text::counted;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use foveate_video::Frame;
 
 const BLACK: Colour = [0; 3];
 const INK: Colour = [236, 238, 240];
-/// Colours that differ from each other and show on dark and bright pictures; ids take them in turn.
+/// Distinct colours that are visible on dark and bright pictures; ids take them in turn.
 const COLOURS: [Colour; 10] = [
     [57, 182, 255],
     [255, 182, 39],
@@ -27,18 +27,18 @@ const COLOURS: [Colour; 10] = [
     [214, 211, 209],
 ];
 
-/// The colour of a target on all pictures; ten ids in turn have ten.
+/// Returns the colour of a target on all pictures; ten consecutive ids have ten colours.
 pub fn colour(id: u64) -> Colour {
     COLOURS[(id.wrapping_sub(1) % COLOURS.len() as u64) as usize]
 }
 
-/// `id 3` or, with a recogniser, `id 3: 7 98 %`: id, class, probability.
+/// Returns `id 3` or, with a recogniser, `id 3: 7 98 %`: id, class, probability.
 pub fn name(target: &Seen<'_>) -> String {
     let class = target.class.map(|(class, p)| format!(": {class} {:.0} %", 100.0 * p));
     format!("id {}{}", target.id, class.unwrap_or_default())
 }
 
-/// Whether only the corners of its box are drawn: the target is occluded, or the box is a guess.
+/// Returns whether only the corners of the box are drawn: the target is occluded, or the box is a guess.
 pub fn is_occluded_or_lost(phase: Phase) -> bool {
     matches!(phase, Phase::Occluded | Phase::Lost)
 }
@@ -50,7 +50,7 @@ pub struct MultiAnnotator {
 }
 
 impl MultiAnnotator {
-    /// A frame with its active targets. Small frames are magnified to about 480 rows, by a whole number.
+    /// Draws a frame with its active targets. Small frames are magnified to about 480 rows, by a whole number.
     pub fn annotate(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Image {
         self.skip(targets);
         let (mut page, view) = magnified(&frame.image);
@@ -66,7 +66,7 @@ impl MultiAnnotator {
         page.into_image()
     }
 
-    /// A frame that is not drawn: only the paths go on.
+    /// Skips a frame that is not drawn: only the paths are updated.
     pub fn skip(&mut self, targets: &[Seen<'_>]) {
         self.paths.retain(|id, _| targets.iter().any(|target| target.id == *id));
         for target in targets {
@@ -79,7 +79,7 @@ impl MultiAnnotator {
     }
 }
 
-/// The rotated box, corners alone where it is occluded or lost, and a cross at the gaze.
+/// Draws the rotated box, only corners if it is occluded or lost, and a cross at the gaze.
 fn body(page: &mut Drawing, view: View, target: &Seen<'_>) {
     let ink = colour(target.id);
     if is_occluded_or_lost(target.phase) {
@@ -102,7 +102,7 @@ fn corners(page: &mut Drawing, view: View, target: &Seen<'_>, ink: Colour) {
     }
 }
 
-/// Its name and phase above its box, or below where there is no room.
+/// Writes name and phase above the box, or below if there is no room.
 fn label(page: &mut Drawing, view: View, target: &Seen<'_>) {
     let note = match target.phase {
         Phase::Initiated | Phase::Tracked => String::new(),
@@ -124,7 +124,7 @@ pub(super) mod tests {
     use super::*;
     use foveate_core::geometry::{BBox, State};
 
-    /// A target of 20 px about (x, 20), turned by half a right angle.
+    /// Returns a target of 20 px around (x, 20), turned by half a right angle.
     pub(crate) fn seen(id: u64, x: f64, phase: Phase) -> Seen<'static> {
         let bbox = BBox::around(x, 20.0, 20.0, 20.0);
         let state = State { angle: std::f64::consts::FRAC_PI_4, ..State::of(&bbox) };

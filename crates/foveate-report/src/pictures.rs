@@ -1,11 +1,11 @@
-//! Pictures at other sizes.
+//! Resizing of pictures.
 
 use std::borrow::Cow;
 
 use crate::draw::Drawing;
 use foveate_core::scene::Image;
 
-/// A picture whose longer side is `longest` pixels at most.
+/// Returns a picture whose longer side has at most `longest` pixels.
 pub(super) fn within(image: &Image, longest: usize) -> Cow<'_, Image> {
     let side = image.width().max(image.height());
     if side <= longest {
@@ -15,7 +15,7 @@ pub(super) fn within(image: &Image, longest: usize) -> Cow<'_, Image> {
     Cow::Owned(shrunk(image, small(image.width()), small(image.height())))
 }
 
-/// A picture at another size: means where it shrinks, the nearest pixel where it grows.
+/// Resizes a picture: averages when shrinking, takes the nearest pixel when growing.
 pub(super) fn resized(image: &Image, width: usize, height: usize) -> Image {
     if width <= image.width() && height <= image.height() {
         return shrunk(image, width, height);
@@ -25,7 +25,7 @@ pub(super) fn resized(image: &Image, width: usize, height: usize) -> Image {
     page.into_image()
 }
 
-/// A picture made smaller: each new pixel is the mean of the whole old pixels under it.
+/// Shrinks a picture: each new pixel is the mean of the whole old pixels under it.
 pub fn shrunk(image: &Image, width: usize, height: usize) -> Image {
     let mut data = Vec::with_capacity(width * height * image.planes());
     let span = |i: usize, old: usize, new: usize| i * old / new..((i + 1) * old / new).max(i * old / new + 1);

@@ -22,7 +22,7 @@ pub struct RegretLog {
     frames: Vec<usize>,
     chosen: Vec<Gaze>,
     earned: Vec<f64>,
-    /// Frame after frame, a reward a gaze.
+    /// One reward per gaze, frame after frame.
     offered: Vec<f64>,
 }
 
@@ -31,38 +31,38 @@ pub struct RegretLog {
 pub struct Regret {
     /// Index of the best fixed gaze; the first of several.
     pub best: usize,
-    /// Its reward less the policy's in each frame, −1 to 1; as many as frames.
+    /// Its reward minus the policy's in each frame, −1 to 1; one value per frame.
     pub instantaneous: Vec<f64>,
-    /// Cumulative regret: the sum up to and with each frame.
+    /// Cumulative regret: the sum up to and including each frame.
     pub cumulative: Vec<f64>,
     /// Expected cumulative regret of a policy that draws a fixed gaze uniformly at random.
     pub at_random: Vec<f64>,
-    /// Cumulative regret against the gaze that was best so far; its last value is that of `cumulative`.
+    /// Cumulative regret against the best gaze so far; its last value is that of `cumulative`.
     pub until_then: Vec<f64>,
 }
 
 impl RegretLog {
-    /// An empty log against these fixed gazes.
+    /// Creates an empty log with these fixed gazes.
     pub fn new(gazes: Vec<Gaze>) -> Self {
         Self { gazes, ..Self::default() }
     }
-    /// The fixed gazes.
+    /// Returns the fixed gazes.
     pub fn gazes(&self) -> &[Gaze] {
         &self.gazes
     }
-    /// Numbers of the logged frames, counted from 1.
+    /// Returns the numbers of the logged frames, counted from 1.
     pub fn numbers(&self) -> &[usize] {
         &self.frames
     }
-    /// How many frames are logged.
+    /// Returns the number of logged frames.
     pub fn frames(&self) -> usize {
         self.earned.len()
     }
-    /// The policy's reward in each frame, 0 to 1.
+    /// Returns the policy's reward in each frame, 0 to 1.
     pub fn earned(&self) -> &[f64] {
         &self.earned
     }
-    /// The rewards of the fixed gazes in frame `t` of the log, counted from 0; as many as gazes, 0 to 1.
+    /// Returns the rewards of the fixed gazes in frame `t` of the log, counted from 0; one per gaze, 0 to 1.
     ///
     /// # Panics
     /// The log has no such frame.
@@ -70,10 +70,10 @@ impl RegretLog {
         &self.offered[t * self.gazes.len()..][..self.gazes.len()]
     }
 
-    /// Adds a frame. Of the gazes that were used, the one that the policy chose counts.
+    /// Adds a frame. Of the gazes used, the policy's chosen gaze counts.
     ///
     /// # Errors
-    /// A fixed gaze was not scored in this frame; the log stays as it was.
+    /// A fixed gaze was not scored in this frame; the log stays unchanged.
     pub fn enter(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         let offered = self.offered.len();
         for gaze in &self.gazes {
@@ -95,7 +95,7 @@ impl RegretLog {
         Ok(())
     }
 
-    /// Adds a frame by plain numbers: its number counted from 1, the policy's gaze and reward, a reward a fixed gaze.
+    /// Adds a frame by plain numbers: its number counted from 1, the policy's gaze and reward, and one reward per fixed gaze.
     ///
     /// # Panics
     /// There is not one reward for each fixed gaze.
@@ -107,7 +107,7 @@ impl RegretLog {
         self.offered.extend_from_slice(offered);
     }
 
-    /// The regret; `None` where there is no frame or no gaze.
+    /// Returns the regret; `None` if there is no frame or no gaze.
     pub fn regret(&self) -> Option<Regret> {
         if self.gazes.is_empty() || self.earned.is_empty() {
             return None;
@@ -134,7 +134,7 @@ impl RegretLog {
         })
     }
 
-    /// regret.csv: a header and a line a frame, with the columns [`REGRET`] and one reward column a fixed gaze.
+    /// Returns regret.csv: a header and one line per frame, with the columns [`REGRET`] and one reward column per fixed gaze.
     pub fn csv(&self) -> String {
         let fixed = REGRET[..REGRET.len() - 1].iter().map(|column| column.name.to_owned());
         let mut rows = Rows::new(fixed.chain(self.gazes.iter().map(|g| format!("reward_{}_{}", g.u, g.v))));
@@ -152,7 +152,7 @@ impl RegretLog {
     }
 }
 
-/// Sums up to and with each value.
+/// Returns the cumulative sums of the values.
 fn summed(values: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut sum = 0.0;
     values
@@ -204,8 +204,8 @@ mod tests {
         assert_eq!(last[8..], rewards[59][..]);
     }
 
-    /// Rewards of 0 and 1 that favour one gaze by turns of 50 frames; 20 runs of 1,000 frames, seeds 0 to 19. The bound
-    /// holds for the expectation; a run's draws spread by less than √T / 2 = 16: 4 such of a mean over 20 are 14.
+    /// Rewards of 0 and 1 that favour each gaze in turn for 50 frames; 20 runs of 1,000 frames, seeds 0 to 19. The bound holds for the
+    /// expectation; a run deviates by less than √T / 2 = 16, and 4 standard deviations of a mean over 20 are 14.
     #[test]
     fn hedge_keeps_its_bound_here_too() {
         let (frames, gazes) = (1000, Grid::default().gazes());

@@ -1,7 +1,7 @@
-//! report.html: one page that replays a run in any browser, offline.
+//! report.html: a page that replays a run in any browser, offline.
 //!
-//! Every frame has a row of numbers, about 180 bytes. Pictures, particles and glimpses are kept for some of them, evenly
-//! spaced: at most 400 pictures and 9 MB. The page itself is `report/*.{html,css,js}`.
+//! Every frame has a row of numbers, about 180 bytes. Pictures, particles and glimpses are kept for evenly spaced frames: at most 400
+//! pictures and 9 MB. The page itself is `report/*.{html,css,js}`.
 
 mod document;
 mod html;
@@ -29,12 +29,12 @@ use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::Gaze;
 use foveate_video::Frame;
 
-/// Particles drawn on a picture.
+/// Maximum number of particles drawn on a picture.
 const MOST_PARTICLES: usize = 250;
 /// Points along a side of a reward surface on the page.
 const SURFACE: usize = 21;
 
-/// report.html of one target. It keeps what the page needs, and writes it at the end.
+/// report.html of one target. It collects the data during the run, and writes the page at the end.
 pub struct Report {
     info: RunInfo,
     file: Sink,
@@ -54,19 +54,19 @@ impl Report {
         Ok(Self::to(Sink::create(path)?, info))
     }
 
-    /// Writes there.
+    /// Writes the page to `file`.
     pub fn to(file: Sink, info: RunInfo) -> Self {
         let (page, log) = (Page::new(&info), RegretLog::new(info.shadow.clone()));
         Self { info, file, finished: false, page, keys: Kept::new(MOST_KEYS), log, first: None }
     }
 
-    /// The template at a gaze, cell by cell; empty where that is not known.
+    /// Returns the template at a gaze, cell by cell; empty if unknown.
     fn template(&self, gaze: Gaze) -> Vec<f32> {
         let (Some(first), Some(retina)) = (&self.first, &self.info.retina) else { return vec![] };
         first.glimpse(&**retina, gaze)
     }
 
-    /// A frame whose box was given.
+    /// Adds a frame with a given box.
     fn given(&mut self, frame: &Frame, seen: &Seen<'_>) {
         let bbox = &seen.bbox;
         if self.page.template.is_none() {
@@ -85,7 +85,7 @@ impl Report {
         self.keys.push(key.row, key.bytes(), key);
     }
 
-    /// Which of the page's arms a gaze is.
+    /// Returns the page's arm for a gaze.
     fn arm(&mut self, gaze: Gaze, snapshot: PolicySnapshot<'_>) -> Option<usize> {
         if let (true, PolicySnapshot::Arms { gazes, .. }) = (self.page.arms.is_empty(), snapshot) {
             self.page.arms = gazes.iter().map(|g| [g.u, g.v]).collect();
@@ -154,8 +154,8 @@ impl Observer for Report {
     }
 }
 
-/// The particles that are drawn, evenly picked and always with the heaviest: places as two words each over −1 to 2
-/// pictures, and weights relative to the heaviest.
+/// Returns the particles to draw, evenly selected and always including the heaviest: positions as two words each over −1 to 2 pictures, and
+/// weights relative to the heaviest.
 pub fn particles(seen: &Seen<'_>) -> (Vec<u8>, Vec<u8>) {
     let every = seen.weights.len().div_ceil(MOST_PARTICLES);
     let heaviest = (0..seen.weights.len()).max_by(|a, b| seen.weights[*a].total_cmp(&seen.weights[*b])).unwrap_or(0);
@@ -172,7 +172,7 @@ pub fn particles(seen: &Seen<'_>) -> (Vec<u8>, Vec<u8>) {
     (places, weights)
 }
 
-/// A reward surface as the page has it: each map as bytes between its own least and greatest value.
+/// Returns a reward surface for the page: each map as bytes between its minimum and maximum.
 fn hills(heat: &Heat, best: Option<Gaze>) -> Hills {
     let map = |values: &[f64]| {
         let (low, high) = span(values);
@@ -183,17 +183,17 @@ fn hills(heat: &Heat, best: Option<Gaze>) -> Hills {
     Hills { mean, mean_span, sd, sd_span, best: best.map(|g| [g.u, g.v]) }
 }
 
-/// 0 to 1 as two bytes, the low one first.
+/// Encodes 0 to 1 as two bytes, low byte first.
 fn word(share: f64) -> [u8; 2] {
     ((65535.0 * share.clamp(0.0, 1.0)).round() as u16).to_le_bytes()
 }
 
-/// 0 to 1 as bytes.
+/// Encodes 0 to 1 as bytes.
 pub fn levels(values: &[f32]) -> Vec<u8> {
     values.iter().map(|v| (255.0 * v).round() as u8).collect()
 }
 
-/// Activations as bytes: probabilities as they are, anything else from its least to its greatest value.
+/// Encodes activations as bytes: probabilities directly, other values from their minimum to their maximum.
 fn quantised(values: &[f32]) -> (Vec<u8>, Option<[f32; 2]>) {
     let low = values.iter().copied().fold(f32::INFINITY, f32::min);
     let high = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);

@@ -17,44 +17,44 @@ use foveate_video::{Frame, FrameSource, TileFolder, Tiles};
 pub use place::{check_box, touches, touching};
 pub use summary::RunSummary;
 
-/// Writes the detections of a frame to the list, best first. The flag says whether a cut comes before the frame.
+/// Writes the detections of a frame to the list, best first. The flag is true if a cut precedes the frame.
 pub type Detect<'a> = &'a mut dyn FnMut(&Frame, bool, &mut Vec<Detection>) -> Result<()>;
 
-/// A box given by hand.
+/// A given box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Given {
     /// The frame, from 0.
     pub frame: usize,
-    /// The target: `None` starts a new one. With one target it is not read.
+    /// The target: `None` starts a new one. Ignored with one target.
     pub id: Option<u64>,
     /// The box, pixels from 0.
     pub bbox: BBox,
 }
 
-/// What to follow in which frames.
+/// The input of a run: targets, frames and options.
 pub struct RunPlan<'a> {
-    /// The box of the only target in the first frame of the run; `None` goes on from a loaded state.
+    /// The box of the only target in the first frame of the run; `None` continues from a loaded state.
     pub init: Option<BBox>,
-    /// Boxes of frames: those of many targets, and those that start the only target again.
+    /// Given boxes: those of many targets, and those that restart the only target.
     pub given: &'a [Given],
-    /// Detections for many targets, beside those of the configuration's detector.
+    /// Detections for many targets, in addition to those of the configuration's detector.
     pub detect: Option<Detect<'a>>,
     /// Finds the cuts at which many targets are terminated.
     pub cuts: Option<Cuts>,
-    /// Frames in tiles, of which only those are decoded that the tracker reads; it needs a configuration with `[sensor]`. The source then
-    /// has the numbers of the frames only ([`TileFolder::frames`]). Observers get the picture that was read.
+    /// Tiled frames, of which only the tiles read by the tracker are decoded; requires a configuration with `[sensor]`. The source then
+    /// yields only the frame numbers ([`TileFolder::frames`]). Observers receive the picture that was read.
     pub tiles: Option<&'a TileFolder>,
-    /// Frames before this one (from 0) are shown to the tracker, but not tracked in.
+    /// The first tracked frame (from 0); earlier frames are shown to the tracker but not tracked.
     pub from: usize,
     /// The last frame (from 0).
     pub until: usize,
-    /// Called before every frame: whether to stop.
+    /// Called before every frame; returns whether to stop.
     pub stop: &'a dyn Fn() -> bool,
-    /// Adds up the time spent in the tracker.
+    /// Accumulates the time spent in the tracker.
     pub clock: Clock,
-    /// Gets, at the end, the damage that the source found in its video.
+    /// Receives a warning at the end if the source found damage in its video.
     pub warnings: Warnings,
-    /// A run without an end: the summary has no list that grows with every frame.
+    /// Whether the run is endless: the summary then has no list that grows with every frame.
     pub endless: bool,
     /// Called after every frame.
     pub progress: Option<&'a mut dyn FnMut(&Frame)>,
@@ -82,9 +82,9 @@ impl Default for RunPlan<'_> {
 
 /// The tracker of a run.
 pub enum AnyTracker<'a> {
-    /// Of one target.
+    /// A tracker of one target.
     One(&'a mut Tracker),
-    /// Of many.
+    /// A tracker of many targets.
     Many(&'a mut MultiTracker),
 }
 
@@ -100,8 +100,8 @@ impl<'a> From<&'a mut MultiTracker> for AnyTracker<'a> {
     }
 }
 
-/// Runs a tracker through the frames of a source. If the source breaks half-way, the files of the frames until then are finished, and the
-/// error is returned beside the summary.
+/// Runs a tracker through the frames of a source. If the source breaks off, finishes the files of the frames until then and returns the
+/// error beside the summary.
 pub fn run<'a>(
     source: &mut dyn FrameSource,
     tracker: impl Into<AnyTracker<'a>>,
@@ -123,7 +123,7 @@ struct Run<'t, 'o, 'p> {
     observer: &'o mut dyn Observer,
     plan: RunPlan<'p>,
     detections: Vec<Detection>,
-    /// Ids of the targets that were started.
+    /// Ids of the started targets.
     started: HashSet<u64>,
     summary: RunSummary,
 }
@@ -144,7 +144,7 @@ impl Run<'_, '_, '_> {
                 break;
             }
             match self.track(&frame) {
-                // Within a frame: it is left out.
+                // Stopped within a frame: the frame is left out.
                 Err(Error::Stopped) => {
                     self.summary.stopped = true;
                     break;
@@ -155,12 +155,12 @@ impl Run<'_, '_, '_> {
             if let Some(progress) = &mut self.plan.progress {
                 progress(&frame);
             }
-            // The next one may be long in coming.
+            // Do not wait for the next frame, which may come late.
             if frame.index == self.plan.until {
                 break;
             }
         }
-        // A source that was told to stop ends without another frame.
+        // A stopped source ends without another frame.
         self.summary.stopped |= (self.plan.stop)();
         if self.summary.frames == 0 && !self.summary.stopped {
             return Err(Error::Invalid(
@@ -170,7 +170,7 @@ impl Run<'_, '_, '_> {
         Ok(())
     }
 
-    /// A frame before the run.
+    /// Processes a frame before the run.
     fn skip(&mut self, frame: &Frame) -> Result<()> {
         let tiles = self.plan.tiles.and_then(|tiles| tiles.frame(frame.index));
         match &mut self.tracker {
@@ -243,7 +243,7 @@ impl Run<'_, '_, '_> {
     }
 }
 
-/// The picture of a frame: its tiles, if it has some.
+/// Returns the picture of a frame: its tiles, if it has any.
 fn picture_of<'a>(frame: &'a Frame, tiles: Option<&'a Tiles<'_>>) -> &'a dyn Regions {
     match tiles {
         Some(tiles) => tiles,
@@ -251,7 +251,7 @@ fn picture_of<'a>(frame: &'a Frame, tiles: Option<&'a Tiles<'_>>) -> &'a dyn Reg
     }
 }
 
-/// A frame with another picture.
+/// Returns a frame with another picture.
 fn of(frame: &Frame, image: &Image) -> Frame {
     Frame { index: frame.index, time: frame.time, image: image.clone() }
 }

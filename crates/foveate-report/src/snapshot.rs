@@ -1,4 +1,4 @@
-//! surface.png: what the gaze policy had learned at the end of the run, drawn over the template.
+//! surface.png: the final state of the gaze policy, drawn over the template.
 
 use std::path::PathBuf;
 
@@ -16,20 +16,20 @@ use foveate_core::geometry::{BBox, Gaze};
 use foveate_core::scene::Image;
 use foveate_video::{Frame, encode_png};
 
-/// Points along a side at which a surface is asked for; each frame, for no frame knows that it is the last.
+/// Points along a side of a sampled surface; sampled in every frame, because the last frame is not known in advance.
 const POINTS: usize = 17;
-/// Fixations that are drawn; the oldest go first.
+/// Maximum number of drawn fixations; the oldest are dropped.
 const MOST_FIXATIONS: usize = 400;
 
-/// surface.png: the policy's snapshot of the last frame, as [`row`] draws it. A policy without a reward surface gets the
+/// surface.png: the policy's snapshot of the last frame, as [`row`] draws it. For a policy without a reward surface, it shows the
 /// probabilities of its gazes.
 ///
-/// A policy with a single gaze has nothing to show ([`SurfacePicture::shows`]): after a run with one there is no file.
+/// A policy with a single gaze has nothing to show ([`SurfacePicture::shows`]): its run writes no file.
 pub struct SurfacePicture {
     info: RunInfo,
     /// `None` once it is finished.
     file: Option<Sink>,
-    /// Whether the policy has something to show, as far as is known.
+    /// Whether the policy has something to show, as far as known.
     shows: bool,
     crop: Option<Crop>,
     first: Option<FirstFrame>,
@@ -57,7 +57,7 @@ impl SurfacePicture {
         Self { info, file, shows: true, crop, first, frames: 0, heat, arms, fixations, best }
     }
 
-    /// Whether a policy has something to show: a reward surface, or several gazes.
+    /// Returns whether a policy has something to show: a reward surface, or several gazes.
     pub fn shows(snapshot: PolicySnapshot<'_>) -> bool {
         match snapshot {
             PolicySnapshot::Blank => false,

@@ -1,4 +1,4 @@
-//! A line a frame, as it happens.
+//! One line per frame, written as soon as the frame is tracked.
 //!
 //! JSON has, in this order: `frame` (from 1), `time` (seconds from the first frame), `bbox` (pixels, from 0), `p_lost` (0 to 1),
 //! `status` (`given` where the box was), `dropped` (frames of the source that were not tracked so far), `damaged` (frames of it in which
@@ -19,17 +19,17 @@ use foveate_core::Seen;
 use foveate_core::geometry::BBox;
 use foveate_video::{Frame, Meter, Remarks};
 
-/// How lines are written.
+/// The format of the lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Format {
-    /// One JSON object a frame.
+    /// One JSON object per frame.
     #[default]
     Json,
-    /// MOTChallenge's text, a line a target.
+    /// MOTChallenge's text, one line per target.
     Mot,
 }
 
-/// Writes each frame's result at once.
+/// Writes each frame's result immediately.
 pub struct Stream {
     out: Box<dyn Write + Send>,
     format: Format,
@@ -70,27 +70,27 @@ struct Target<'a> {
 }
 
 impl Stream {
-    /// Lines to a writer, which is flushed after each frame. `meter` is of a source that drops frames or times them, `remarks` are the
-    /// source's.
+    /// Creates an observer that writes lines to a writer and flushes it after each frame. `meter` belongs to a source that drops or times
+    /// frames, `remarks` to the source.
     pub fn new(out: impl Write + Send + 'static, format: Format, meter: Option<Meter>, remarks: Remarks) -> Self {
         Self { out: Box::new(out), format, meter, remarks, line: String::new(), many: false }
     }
 
-    /// Lines to an address (`HOST:PORT`), a datagram a frame. Whether anybody is there does not matter.
+    /// Creates an observer that sends lines to an address (`HOST:PORT`), one datagram per frame, whether or not anyone receives them.
     ///
     /// # Errors
-    /// Where the address is none.
+    /// The address is invalid.
     pub fn udp(address: &str, format: Format, meter: Option<Meter>, remarks: Remarks) -> Result<Self> {
         let wrong = |e: std::io::Error| {
             Error::Invalid(format!("--stream udp:{address}: expected a host and a port, as 127.0.0.1:9000 ({e})"))
         };
-        // Of the family that the address is of.
+        // Bind to the same address family.
         let socket = UdpSocket::bind("0.0.0.0:0").and_then(|s| s.connect(address).map(|()| s));
         let socket = socket.or_else(|_| UdpSocket::bind("[::]:0").and_then(|s| s.connect(address).map(|()| s)));
         Ok(Self::new(Datagrams(socket.map_err(wrong)?), format, meter, remarks))
     }
 
-    /// The lines of a run with many targets.
+    /// Returns the observer for a run with many targets.
     #[must_use]
     pub fn of_many(self) -> Self {
         Self { many: true, ..self }
@@ -102,7 +102,7 @@ impl Stream {
         (meter.map_or(0, Meter::dropped), latency)
     }
 
-    /// One target's line.
+    /// Writes the line of one target.
     fn one(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         let (bbox, p_lost) = (&seen.bbox, seen.p_lost);
         match self.format {
@@ -159,7 +159,7 @@ impl Observer for Stream {
     }
 }
 
-/// A datagram a write; what nobody receives is lost.
+/// Sends one datagram per write; datagrams without a receiver are lost.
 struct Datagrams(UdpSocket);
 
 impl Write for Datagrams {

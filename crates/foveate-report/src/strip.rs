@@ -37,8 +37,8 @@ pub struct Strip {
 }
 
 impl Strip {
-    /// `n` stills of a run of `frames`, spread evenly, the first and the last among them. The gaze is drawn as the retina's
-    /// innermost window, the true box where it is known.
+    /// Takes `n` stills of a run of `frames`, evenly spaced, including the first and the last. The gaze is drawn as the retina's innermost
+    /// window, with the true box if known.
     pub fn new(info: &RunInfo, frames: usize, n: usize) -> Self {
         let last = frames.saturating_sub(1);
         let at = (0..n).map(|i| (i * last) / n.saturating_sub(1).max(1)).collect();
@@ -46,14 +46,14 @@ impl Strip {
         Self { window, ..Self::at(at, info.truth.clone()) }
     }
 
-    /// Stills of the frames with these indices, counted from 0; `truth` has a box a frame where it is known.
+    /// Takes stills of the frames with these indices, counted from 0; `truth` has one box per frame if known.
     pub fn at(mut at: Vec<usize>, truth: Vec<Option<BBox>>) -> Self {
         at.sort_unstable();
         at.dedup();
         Self { at, truth, window: 0.0, stills: vec![] }
     }
 
-    /// The stills, 300 pixels wide, each with the index of its frame.
+    /// Returns the stills, 300 pixels wide, each with the index of its frame.
     pub fn into_stills(self) -> Vec<(usize, Image)> {
         self.stills
     }
@@ -86,7 +86,7 @@ impl Strip {
         self.stills.push((frame.index, page.into_image()));
     }
 
-    /// The stills side by side under a title, with a legend.
+    /// Draws the stills side by side under a title, with a legend.
     pub fn picture(&self, title: &str) -> Image {
         let tall = self.stills.iter().map(|s| s.1.height()).max().unwrap_or(1) as f64;
         let width = GAP + self.stills.len().max(2) as f64 * (WIDE + GAP);
@@ -129,10 +129,10 @@ pub struct MultiStrip {
 }
 
 impl MultiStrip {
-    /// Will write the `frames` (counted from 0) to `path`, a PNG, in rows of `columns`, at least 1.
+    /// Creates an observer that writes the `frames` (counted from 0) to `path`, a PNG, in rows of `columns`, at least 1.
     ///
     /// # Errors
-    /// Its folder is not there. [`Observer::finish`] fails where none of the frames was observed.
+    /// Its folder does not exist. [`Observer::finish`] fails if none of the frames was observed.
     pub fn create(path: impl Into<PathBuf>, title: &str, frames: Vec<usize>, columns: usize) -> Result<Self> {
         let path = path.into();
         writable(&path)?;

@@ -1,8 +1,8 @@
-//! Pictures of what a gaze policy learned, over the template (the paper's figures of digits and of a face).
+//! Pictures of a gaze policy's learned rewards, over the template (the paper's figures of digits and of a face).
 //!
-//! [`row`] is one run: the template with the best gaze's window, the mean reward with the fixations, its uncertainty, and
-//! the glimpse at the best gaze. [`banner`] is many runs: a column a target, with its reward surface and the best gaze of
-//! each run above, and the mean glimpse at these gazes below. Gazes are in template units: half the target's box.
+//! [`row`] shows one run: the template with the best gaze's window, the mean reward with the fixations, its uncertainty, and the glimpse at
+//! the best gaze. [`banner`] shows many runs: one column per target, with its reward surface and the best gaze of each run above, and the
+//! mean glimpse at these gazes below. Gazes are in template units: half the target's box.
 
 use crate::draw::{CORNERS, Colour, Drawing, Point, text_width};
 use crate::heat::{Heat, ramp, span};
@@ -18,7 +18,7 @@ const WHITE: Colour = [255; 3];
 const BLACK: Colour = [0; 3];
 const TARGET: Colour = [57, 182, 255];
 const GAZE: Colour = [255, 182, 39];
-/// How much of the template a surface covers.
+/// Opacity of a surface over the template.
 const COVER: f64 = 0.7;
 /// Height of capitals, pixels.
 const LETTER: f64 = 9.0;
@@ -27,38 +27,38 @@ const PAD: f64 = 18.0;
 /// The longer side of a panel, pixels.
 const SIDE: f64 = 300.0;
 
-/// One square of a picture: the template, and what is laid over it.
+/// One square of a picture: the template with its overlays.
 #[derive(Clone, Debug)]
 pub struct Panel<'a> {
     /// The text above it.
     pub title: String,
     /// The target in the first frame.
     pub template: &'a Crop,
-    /// A map, its values (n², row by row: the heat's mean or its sd), and what they are.
+    /// A map: its surface, its values (n², row by row: the mean or the sd), and their name.
     pub map: Option<(&'a Heat, &'a [f64], &'a str)>,
-    /// Gazes with probabilities, 0 to 1, which are the areas of their discs.
+    /// Gazes with probabilities, 0 to 1, drawn as the areas of discs.
     pub arms: Vec<(Gaze, f64)>,
-    /// Past gazes: small white dots.
+    /// Past gazes, drawn as small white dots.
     pub fixations: &'a [Gaze],
-    /// The best gaze, or that of each run: white rings with a black edge.
+    /// The best gaze, or that of each run, drawn as white rings with a black edge.
     pub best: &'a [Gaze],
     /// Half the side of the window around the first best gaze, template units.
     pub window: Option<f64>,
 }
 
 impl<'a> Panel<'a> {
-    /// The template alone.
+    /// Creates a panel with the template alone.
     pub fn of(title: &str, template: &'a Crop) -> Self {
         let (arms, fixations, best) = (vec![], &[][..], &[][..]);
         Self { title: title.into(), template, map: None, arms, fixations, best, window: None }
     }
-    /// Width and height in pixels; the longer one is `side`.
+    /// Returns width and height in pixels; the longer one is `side`.
     fn size(&self, side: f64) -> (f64, f64) {
         let [left, top, right, bottom] = self.template.bounds;
         let (w, h) = ((right - left) * self.template.aspect.clamp(0.45, 2.2), bottom - top);
         (side * w / w.max(h), side * h / w.max(h))
     }
-    /// Draws it with its top-left corner at `corner`.
+    /// Draws the panel with its top-left corner at `corner`.
     fn draw(&self, page: &mut Drawing, (x0, y0): Point, side: f64) {
         let ((w, h), bounds) = (self.size(side), self.template.bounds);
         let unit = (w / (bounds[2] - bounds[0]), h / (bounds[3] - bounds[1]));
@@ -94,7 +94,7 @@ impl<'a> Panel<'a> {
             page.ring(at(gaze.u, gaze.v), r, 2.2, WHITE, 1.0);
         }
     }
-    /// The colours of its map, with the values at both ends.
+    /// Draws the colour scale of the map, with the values at both ends.
     fn scale(&self, page: &mut Drawing, (x, y): Point, width: f64) {
         let Some((_, values, name)) = self.map else { return };
         let (low, high) = span(values);
@@ -107,11 +107,11 @@ impl<'a> Panel<'a> {
     }
 }
 
-/// Panels side by side under a title, and at the end a picture with its title, such as the glimpse at the best gaze.
+/// Draws panels side by side under a title, followed by a picture with its title, such as the glimpse at the best gaze.
 pub fn row(title: &str, panels: &[Panel<'_>], last: Option<(&str, &Image)>) -> Drawing {
     let widths: Vec<f64> = panels.iter().map(|p| p.size(SIDE).0).collect();
     let tall = panels.iter().map(|p| p.size(SIDE).1).fold(SIDE * 0.8, f64::max);
-    // The glimpse is as wide as the target is.
+    // The glimpse is as wide as the target.
     let wide = tall * panels.first().map_or(1.0, |p| p.template.aspect.clamp(0.45, 2.2));
     let extra = last.map_or(0.0, |_| wide + PAD);
     let width = widths.iter().map(|w| w + PAD).sum::<f64>() + PAD + extra;
@@ -141,7 +141,7 @@ pub struct Column<'a> {
     pub view: Option<Image>,
 }
 
-/// Several targets in a row, each a reward surface above and a glimpse below. Each map has a colour scale of its own.
+/// Draws several targets in a row, each with a reward surface above and a glimpse below. Each map has its own colour scale.
 pub fn banner(title: &str, columns: &[Column<'_>]) -> Drawing {
     const SMALL: f64 = 150.0;
     const GAP: f64 = 8.0;
@@ -163,13 +163,13 @@ pub fn banner(title: &str, columns: &[Column<'_>]) -> Drawing {
     page
 }
 
-/// The glimpse of a target at a gaze, given a frame and its box, for the lower row of a [`banner`]. `None` where the gaze is
-/// more than 1.5 template units from the centre, or the retina has no cell.
+/// Returns the glimpse of a target at a gaze, given a frame and its box, for the lower row of a [`banner`]. `None` if the gaze is more than
+/// 1.5 template units from the centre, or the retina has no cell.
 pub fn glimpse_picture(image: &Image, bbox: &BBox, retina: &dyn Retina, gaze: Gaze) -> Option<Image> {
     FirstFrame::new(image, bbox, retina).picture(retina, gaze)
 }
 
-/// The mean of pictures of the same shape, pixel by pixel; `None` without one, or where the shapes differ.
+/// Returns the mean of pictures of the same shape, pixel by pixel; `None` without one, or if the shapes differ.
 pub fn mean_picture(all: &[Image]) -> Option<Image> {
     let first = all.first()?;
     if all.iter().any(|image| image.shape() != first.shape()) {
@@ -199,7 +199,7 @@ mod tests {
         let plain = Panel { map: Some((&heat, &heat.mean, "reward")), ..Panel::of("t", &crop) };
         let page = row("title", std::slice::from_ref(&plain), None);
         let marked = row("title", &[Panel { best: &best, ..plain.clone() }], None);
-        // The ring's middle: where the pictures differ.
+        // The centre of the ring, where the pictures differ.
         let (w, h) = (page.width(), page.height());
         let differ: Vec<(usize, usize)> = (0..w * h)
             .map(|i| (i % w, i / w))

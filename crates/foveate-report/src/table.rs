@@ -1,4 +1,4 @@
-//! boxes.txt and track.csv: a run as plain numbers, one line a frame, readable from the first frame on.
+//! boxes.txt and track.csv: a run as plain numbers, one line per frame, readable from the first frame on.
 
 use std::path::PathBuf;
 
@@ -11,8 +11,8 @@ use foveate_base::sink::Sink;
 use foveate_core::Seen;
 use foveate_video::Frame;
 
-/// boxes.txt in OTB's format: [`crate::columns::BOXES`], pixels counted from 1, the first frame included. A box that lies
-/// outside the picture is written at the nearest place where it touches the picture; track.csv has where it is believed to be.
+/// boxes.txt in OTB's format: [`crate::columns::BOXES`], pixels counted from 1, including the first frame. A box outside the picture is
+/// written at the nearest place where it touches the picture; track.csv has the estimated position.
 #[derive(Debug)]
 pub struct Boxes {
     file: Sink,
@@ -27,7 +27,7 @@ impl Boxes {
         Ok(Self::to(Sink::create(path)?))
     }
 
-    /// Writes there.
+    /// Writes the table to `file`.
     pub fn to(file: Sink) -> Self {
         Self { file }
     }
@@ -60,7 +60,7 @@ impl Table {
         Ok(Self { file: Csv::create(path, TRACK)? })
     }
 
-    /// Writes there; the header with the first row.
+    /// Writes the table to `file`; the header comes with the first row.
     pub fn to(file: Sink) -> Self {
         Self { file: Csv::to(file, TRACK) }
     }

@@ -1,4 +1,4 @@
-//! The template as results show it: the target in the first frame, cut out with its surroundings, and its glimpses.
+//! The template as shown in results: the target in the first frame, with its surroundings, and its glimpses.
 
 use crate::eye::Eye;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
@@ -6,15 +6,15 @@ use foveate_core::identity::pyramid::Region;
 use foveate_core::identity::{Pyramid, Retina};
 use foveate_core::scene::Image;
 
-/// How far around the target's centre the first frame is shown, in template units.
+/// Extent of the first frame shown around the target's centre, in template units.
 const MARGIN: f64 = 1.4;
-/// The farthest gaze that is read on the template, in template units; as far as the appearance's own.
+/// Maximum distance of a gaze read on the template, in template units; equals the appearance model's limit.
 const FARTHEST_GAZE: f64 = 1.5;
 
 /// The target in the first frame with its surroundings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Crop {
-    /// Its pixels.
+    /// The pixels.
     pub image: Image,
     /// Left, top, right, bottom in template units: the edges of the outermost pixels.
     pub bounds: [f64; 4],
@@ -23,7 +23,7 @@ pub struct Crop {
 }
 
 impl Crop {
-    /// The target and 0.4 template units around its box; outside the picture its edge is repeated.
+    /// Cuts out the target and 0.4 template units around its box; outside the picture its edge is repeated.
     pub fn around(image: &Image, bbox: &BBox) -> Self {
         let (state, extent) = (State::of(bbox), Extent::of(bbox));
         let reach = |half: f64| (MARGIN * half).ceil().clamp(1.0, 4096.0) as isize;
@@ -44,7 +44,7 @@ impl Crop {
         Self { image, bounds: [u(cx - rx), v(cy - ry), u(cx + rx), v(cy + ry)], aspect: extent.half_w / extent.half_h }
     }
 
-    /// The whole pixels of it that reach to about `reach` template units from the target's centre, one at least.
+    /// Returns the part of whole pixels that extends to about `reach` template units from the target's centre, at least one pixel.
     pub fn closer(&self, reach: f64) -> Self {
         let [left, top, right, bottom] = self.bounds;
         let (w, h) = (self.image.width(), self.image.height());
@@ -84,7 +84,7 @@ impl FirstFrame {
         Self { pyramid, state, extent }
     }
 
-    /// The target at a gaze, cell by cell; empty where the gaze is too far off to be read.
+    /// Returns the target at a gaze, cell by cell; empty if the gaze is too far off.
     pub(crate) fn glimpse(&self, retina: &dyn Retina, gaze: Gaze) -> Vec<f32> {
         let far = gaze.u.abs().max(gaze.v.abs()) > FARTHEST_GAZE;
         let mut glimpse = vec![0.0; if far { 0 } else { retina.glimpse_len() }];
@@ -94,7 +94,7 @@ impl FirstFrame {
         glimpse
     }
 
-    /// The same as a picture; `None` where it is empty, or the retina has no cell.
+    /// Returns the target at a gaze as a picture; `None` if it is empty, or the retina has no cell.
     pub(crate) fn picture(&self, retina: &dyn Retina, gaze: Gaze) -> Option<Image> {
         let glimpse = self.glimpse(retina, gaze);
         Eye::new(retina).filter(|_| !glimpse.is_empty()).map(|eye| eye.picture(&glimpse))

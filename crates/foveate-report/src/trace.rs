@@ -1,4 +1,4 @@
-//! trace.jsonl: every intermediate quantity of a run, one JSON object a frame. Its keys are those of [`crate::columns::TRACE`].
+//! trace.jsonl: every intermediate quantity of a run, one JSON object per frame. Its keys are those of [`crate::columns::TRACE`].
 
 use std::path::PathBuf;
 
@@ -14,15 +14,15 @@ use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_video::Frame;
 
-/// Writes what [`Step`] holds, under its names: the keys [`crate::columns::TRACE`]. Numbers that are not finite are `null`;
-/// others read back bit for bit.
+/// Writes the contents of [`Step`] under its names: the keys [`crate::columns::TRACE`]. Numbers that are not finite are `null`; others read
+/// back bit for bit.
 #[derive(Debug)]
 pub struct Trace {
     file: Sink,
     line: Vec<u8>,
 }
 
-/// A line for a frame whose box was given.
+/// A line for a frame with a given box.
 #[derive(Serialize)]
 struct Given<'a> {
     frame: usize,
@@ -30,7 +30,7 @@ struct Given<'a> {
     given: &'a BBox,
 }
 
-/// A line for a frame that was tracked. `frame` counts from 1, boxes from 0.
+/// A line for a tracked frame. `frame` counts from 1, boxes from 0.
 #[derive(Serialize)]
 struct Tracked<'a> {
     frame: usize,
@@ -49,14 +49,14 @@ struct Tracked<'a> {
     ancestors: &'a [usize],
     plan: Plan<'a>,
     rewards: &'a [f64],
-    /// Gazes scored for observers alone, and their rewards; left out where there are none.
+    /// Gazes scored only for observers, and their rewards; omitted if there are none.
     #[serde(skip_serializing_if = "<[Gaze]>::is_empty")]
     recorded_gazes: &'a [Gaze],
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     recorded_rewards: &'a [f64],
     gaze_evidence: &'a [f64],
     percept: Percept<'a>,
-    /// Left out without a recogniser, as what belongs to it.
+    /// Omitted without a recogniser, with all related fields.
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     classes: &'a [f64],
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -84,7 +84,7 @@ struct Percept<'a> {
     distance: f64,
 }
 
-/// What the policy has learned.
+/// The state of the policy.
 #[derive(Serialize)]
 #[serde(untagged)]
 enum Snapshot<'a> {

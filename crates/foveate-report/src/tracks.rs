@@ -14,8 +14,8 @@ use foveate_core::geometry::BBox;
 use foveate_core::multi::Phase;
 use foveate_video::Frame;
 
-/// tracks.txt in MOTChallenge's format: [`crate::columns::TRACKS_TXT`], frames and pixels counted from 1. Lost targets, whose
-/// boxes are guesses, are left out.
+/// tracks.txt in MOTChallenge's format: [`crate::columns::TRACKS_TXT`], frames and pixels counted from 1. Lost targets are left out,
+/// because their boxes are guesses.
 #[derive(Debug)]
 pub struct MotFile {
     file: Sink,
@@ -31,7 +31,7 @@ impl MotFile {
         Ok(Self::to(Sink::create(path)?))
     }
 
-    /// Writes there.
+    /// Writes the tracks to `file`.
     pub fn to(file: Sink) -> Self {
         Self { file, line: String::new() }
     }
@@ -51,13 +51,13 @@ impl Observer for MotFile {
     }
 }
 
-/// A line of MOTChallenge's text.
+/// Writes a line of MOTChallenge's text.
 pub(super) fn mot_line(text: &mut String, frame: &Frame, id: u64, b: &BBox, confidence: f64) {
     let (n, x, y) = (frame.index + 1, b.x + 1.0, b.y + 1.0);
     let _ = writeln!(text, "{n},{id},{x:.3},{y:.3},{:.3},{:.3},{confidence:.3},-1,-1,-1", b.w, b.h);
 }
 
-/// tracks.csv: every active target in every frame, lost ones included, with the columns [`TRACKS`].
+/// tracks.csv: every active target in every frame, including lost ones, with the columns [`TRACKS`].
 #[derive(Debug)]
 pub struct TracksTable {
     file: Csv,
@@ -72,7 +72,7 @@ impl TracksTable {
         Ok(Self { file: Csv::create(path, TRACKS)? })
     }
 
-    /// Writes there; the header with the first row.
+    /// Writes the table to `file`; the header comes with the first row.
     pub fn to(file: Sink) -> Self {
         Self { file: Csv::to(file, TRACKS) }
     }
@@ -106,7 +106,7 @@ impl Observer for TracksTable {
     }
 }
 
-/// A number, or an empty cell.
+/// Adds a number, or an empty cell.
 fn put_number(row: &mut Rows, number: Option<usize>) {
     match number {
         Some(number) => row.put(number),
@@ -114,7 +114,7 @@ fn put_number(row: &mut Rows, number: Option<usize>) {
     }
 }
 
-/// Class and probability; nothing without a recogniser.
+/// Adds class and probability; empty cells without a recogniser.
 fn put_class(row: &mut Rows, class: Option<(usize, f64)>) {
     if let Some((class, p)) = class {
         row.put(class);
@@ -122,7 +122,7 @@ fn put_class(row: &mut Rows, class: Option<(usize, f64)>) {
     }
 }
 
-/// What targets.csv says of a target.
+/// The row of a target in targets.csv.
 #[derive(Clone, Debug, Default)]
 struct Track {
     first: usize,
@@ -135,7 +135,7 @@ struct Track {
     class: Option<(usize, f64)>,
 }
 
-/// targets.csv: a line a target, with the columns [`TARGETS`].
+/// targets.csv: one line per target, with the columns [`TARGETS`].
 #[derive(Debug)]
 pub struct TargetsTable {
     file: Csv,

@@ -1,8 +1,8 @@
-//! Pages of text, tables and charts that need no script: evaluations, reproductions, lists of runs.
+//! Pages of text, tables and charts without scripts: evaluations, reproductions, lists of runs.
 
 use super::html::{BRAND, STYLE, escape, fill};
 
-/// The colours of this project's charts, and the variables of the style that take their place on a page.
+/// The colours of this project's charts, and the style variables that replace them on a page.
 const INKS: [(&str, &str); 11] = [
     ("white", "card"),
     ("black", "ink"),
@@ -17,7 +17,7 @@ const INKS: [(&str, &str); 11] = [
     ("#e69f00", "gaze"),
 ];
 
-/// A page with the style of the reports. `title` is text; `verdict` (the first sentence), `about` (one more line) and `body` are
+/// Returns a page with the style of the reports. `title` is text; `verdict` (the first sentence), `about` (one more line) and `body` are
 /// HTML. The page loads nothing and runs nothing.
 pub fn document(title: &str, verdict: &str, about: &str, body: &str) -> String {
     let parts = [
@@ -31,13 +31,13 @@ pub fn document(title: &str, verdict: &str, about: &str, body: &str) -> String {
     fill(include_str!("document.html"), &parts)
 }
 
-/// A section of a [`document`]: its heading (text), and its content (HTML).
+/// Returns a section of a [`document`]: its heading (text), and its content (HTML).
 pub fn card(heading: &str, content: &str) -> String {
     format!("<section class=\"card\"><h2>{}</h2>\n{content}</section>\n", escape(heading))
 }
 
-/// A chart as part of a page: SVG text as this project's plots write it becomes as wide as its place and takes the colours of
-/// the page, light or dark. `label` (text) says what it shows.
+/// Embeds a chart in a page: scales the SVG text of this project's plots to the available width and uses the colours of the page, light or
+/// dark. `label` (text) describes it.
 pub fn drawing(svg: &str, label: &str) -> String {
     let (head, rest) = svg.split_once('>').unwrap_or(("", svg));
     let side = |name: &str| {
@@ -45,7 +45,7 @@ pub fn drawing(svg: &str, label: &str) -> String {
         value.and_then(|value| value.parse::<f64>().ok()).unwrap_or(100.0)
     };
     let (width, height, label) = (side("width"), side("height"), escape(label));
-    // The page is the ground. Colours stand in attributes alone: text has no quotation marks.
+    // Remove the background. Colours occur only in attributes: text has no quotation marks.
     let bare = rest.replacen("<rect width=\"100%\" height=\"100%\" fill=\"white\" />", "", 1);
     let inked = INKS.iter().fold(bare, |svg, (colour, variable)| {
         let upper = colour.to_uppercase();

@@ -1,4 +1,4 @@
-//! What the pages of one target and of many share: numbers, texts and pictures as HTML and JSON.
+//! Shared parts of the pages of one target and of many: numbers, texts and pictures as HTML and JSON.
 
 use base64::Engine as _;
 use serde::Serialize;
@@ -9,13 +9,13 @@ use crate::template::Crop;
 use foveate_core::scene::Image;
 use foveate_video::encode_jpeg;
 
-/// The program, as pages name it.
+/// The program's name and version on pages.
 pub(super) const VERSION: &str = concat!("foveate ", env!("CARGO_PKG_VERSION"));
 /// The style of the pages: colours, cards, buttons.
 pub const STYLE: &str = include_str!("style.css");
 /// The mark at the head of a page.
 pub const BRAND: &str = include_str!("brand.html");
-/// What the scripts of every page begin with: elements, canvases, colours, clouds of particles.
+/// The common start of every page's scripts: elements, canvases, colours, clouds of particles.
 pub const SCRIPT: &str = include_str!("shared.js");
 /// Longer side of a picture on a page, pixels.
 const LONGEST: usize = 480;
@@ -23,10 +23,10 @@ const LONGEST: usize = 480;
 const QUALITY: u8 = 62;
 const TEMPLATE_QUALITY: u8 = 88;
 
-/// A page: `template` with its parts, the title, the data and the scripts that read them. The title has the name of the source alone: it
-/// does not depend on where the program was called from.
+/// Returns a page: `template` with its parts, the title, the data and the scripts that read them. The title has only the source's name, so
+/// that it does not depend on the working directory.
 pub(super) fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts: &[(&str, String)]) -> String {
-    // No "<" is left in it, so nothing in it can end the script element or begin a comment.
+    // Without any "<", the data cannot end the script element or start a comment.
     let data = data.to_string().replace('<', "\\u003c");
     let mut all = vec![
         ("title", format!("foveate: {}", escape(name(source)))),
@@ -41,17 +41,17 @@ pub(super) fn page(template: &str, source: &str, data: &Value, scripts: &[&str],
     fill(template, &all)
 }
 
-/// The last part of a path or address.
+/// Returns the last component of a path or address.
 fn name(source: &str) -> &str {
     source.rsplit(['/', '\\']).find(|part| !part.is_empty()).unwrap_or(source)
 }
 
-/// Text as HTML: `&`, `<`, `>` and `"` are escaped.
+/// Escapes text for HTML: `&`, `<`, `>` and `"`.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Puts parts in the places `{{name}}` of a template, in one pass: a part is put in as it is, also where it holds `{{`.
+/// Replaces the places `{{name}}` of a template by parts, in one pass: a part is inserted unchanged, even if it contains `{{`.
 ///
 /// # Panics
 /// A place has no part, or no end.
@@ -67,7 +67,7 @@ pub fn fill(template: &str, parts: &[(&str, String)]) -> String {
     out + rest
 }
 
-/// A number as a page has it: five figures are more than a screen shows; what is not finite becomes null.
+/// Rounds a number for a page to five digits; a number that is not finite becomes null.
 pub(super) fn short(value: f64) -> Value {
     if !value.is_finite() {
         return Value::Null;
@@ -78,17 +78,17 @@ pub(super) fn short(value: f64) -> Value {
     json!(format!("{value:.5e}").parse::<f64>().expect("printed by Rust, read by Rust"))
 }
 
-/// Bytes as base64.
+/// Encodes bytes as base64.
 pub(super) fn base64(bytes: &[u8]) -> String {
     base64::engine::general_purpose::STANDARD.encode(bytes)
 }
 
-/// Bytes that a base64 text stands for.
+/// Returns the number of bytes that a base64 text encodes.
 pub(super) fn bytes_of(text: &str) -> usize {
     text.len() / 4 * 3
 }
 
-/// A frame as a page has it: a small JPEG in base64.
+/// Encodes a frame for a page: a small JPEG in base64.
 pub(super) fn picture(image: &Image) -> String {
     base64(&encode_jpeg(&within(image, LONGEST), QUALITY))
 }
@@ -109,7 +109,7 @@ impl Template {
     }
 }
 
-/// The words that stand after `prefix` in a script, for tests: `series.ess` has `ess` after `series.`.
+/// Returns the words after `prefix` in a script, for tests: for `series.ess` and `series.`, it returns `ess`.
 #[cfg(test)]
 pub(super) fn words_after<'a>(script: &'a str, prefix: &str) -> Vec<&'a str> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '$';

@@ -1,13 +1,13 @@
-//! Evenly spaced pictures of a run whose length is not known beforehand.
+//! Evenly spaced pictures of a run of unknown length.
 
-/// Pictures in a page, at most.
+/// Maximum number of pictures in a page.
 pub(super) const MOST_KEYS: usize = 400;
-/// Bytes of pictures in a page before base64, at most.
+/// Maximum size of the pictures in a page before base64, bytes.
 const MOST_BYTES: usize = 6_500_000;
 
-/// Every `every`-th of the rows offered. Where they get too many, or too large, every second one goes.
+/// Keeps every `every`-th offered row. If the rows become too many or too large, every second one is dropped.
 pub(super) struct Kept<T> {
-    /// Row, bytes, and what is kept of it.
+    /// Row, bytes, and kept data.
     items: Vec<(usize, usize, T)>,
     every: usize,
     most: usize,
@@ -15,19 +15,19 @@ pub(super) struct Kept<T> {
 }
 
 impl<T> Kept<T> {
-    /// Keeps `most` rows at most, 2 at least.
+    /// Keeps at most `most` rows, which is at least 2.
     pub(super) fn new(most: usize) -> Self {
         Self { items: vec![], every: 1, most, bytes: 0 }
     }
-    /// The distance of two kept rows.
+    /// Returns the distance of two kept rows.
     pub(super) fn every(&self) -> usize {
         self.every
     }
-    /// Whether this row is to be kept.
+    /// Returns whether a row is to be kept.
     pub(super) fn wants(&self, row: usize) -> bool {
         row.is_multiple_of(self.every)
     }
-    /// Keeps a row that is wanted.
+    /// Keeps a row.
     pub(super) fn push(&mut self, row: usize, bytes: usize, item: T) {
         self.items.push((row, bytes, item));
         self.bytes += bytes;
@@ -38,7 +38,7 @@ impl<T> Kept<T> {
             self.bytes = self.items.iter().map(|(_, bytes, _)| bytes).sum();
         }
     }
-    /// What was kept, in order.
+    /// Returns the kept rows, in order.
     pub(super) fn iter(&self) -> impl Iterator<Item = &T> {
         self.items.iter().map(|(.., item)| item)
     }

@@ -23,14 +23,14 @@ use foveate_video::{Frame, encode_jpeg};
 
 mod bars;
 
-/// Pictures of the film strip, at most.
+/// Maximum number of pictures of the film strip.
 const STRIP: usize = 12;
 /// Longer side of a picture of the strip, pixels.
 const STRIP_SIDE: usize = 640;
-/// Targets with a bar and a row of the table; the longest tracks go first.
+/// Maximum number of targets with a bar and a row of the table; the longest tracks come first.
 const MOST_TRACKS: usize = 300;
 
-/// report.html of many targets. It keeps what the page needs, and writes it at the end.
+/// report.html of many targets. It collects the data during the run, and writes the page at the end.
 pub struct MultiReport {
     info: RunInfo,
     file: Sink,
@@ -71,12 +71,12 @@ struct Still {
 
 /// One target over time; frames count from 0.
 struct Track {
-    /// Phase, first and last frame. Initiation and re-identification are moments: the span that begins there is a tracked one.
+    /// Phase, first and last frame. Initiation and re-identification are single moments: their span is a tracked one.
     spans: Vec<(Phase, usize, usize)>,
     /// The target in its first frame, as a JPEG in base64.
     template: String,
     class: Option<(usize, f64)>,
-    /// Least and greatest size relative to the first frame.
+    /// Minimum and maximum size relative to the first frame.
     scale: (f64, f64),
     reidentified: usize,
 }
@@ -121,7 +121,7 @@ impl MultiReport {
         }
     }
 
-    /// The tracks that are shown, by id, and how many are left out.
+    /// Returns the shown tracks, by id, and the number of omitted ones.
     fn shown(&self) -> (Vec<(u64, &Track)>, usize) {
         let mut all: Vec<(u64, &Track)> = self.tracks.iter().map(|(id, track)| (*id, track)).collect();
         all.sort_by_key(|(_, track)| std::cmp::Reverse(track.frames()));
@@ -190,7 +190,7 @@ impl Track {
     fn in_phase(&self, phase: Phase) -> usize {
         self.spans.iter().filter(|span| span.0 == phase).map(|(_, from, to)| to + 1 - from).sum()
     }
-    /// Its row of the table.
+    /// Returns the target's row of the table.
     fn row(&self, id: u64) -> String {
         let [r, g, b] = colour(id);
         let (first, last) = (self.spans.first().map_or(0, |span| span.1), self.spans.last().map_or(0, |span| span.2));
@@ -298,7 +298,7 @@ mod tests {
         assert!((STRIP / 2..=STRIP).contains(&figures), "{figures} pictures");
     }
 
-    /// The script reads nothing that the page does not have: a name that is changed on one side alone is found here.
+    /// The script reads only names that the page has: the test finds a name that is changed on one side alone.
     #[test]
     fn the_script_reads_what_is_written() {
         let dir = tempfile::tempdir().expect("a temporary folder");

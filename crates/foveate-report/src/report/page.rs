@@ -1,4 +1,4 @@
-//! The data of the page of one target, and the page made of them. `data.js` reads what [`Page::render`] writes.
+//! The data of the page of one target, and the generated page. `data.js` reads the output of [`Page::render`].
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use foveate_core::control::Status;
 use foveate_core::geometry::{BBox, Extent, State};
 use foveate_video::Frame;
 
-/// One number a frame of each; NaN where there is none.
+/// One number per frame; NaN if there is none.
 const COLUMNS: [&str; 32] = [
     "frame",
     "time",
@@ -49,10 +49,10 @@ const COLUMNS: [&str; 32] = [
     "localisation_noise",
 ];
 
-/// Classes that are drawn: as many as there are inks.
+/// Maximum number of drawn classes: the number of colours.
 const MOST_CLASSES: usize = 6;
 
-/// What is kept of a frame beside its numbers. Texts are base64: a JPEG, or bytes.
+/// The data of a frame besides its numbers. Texts are base64: a JPEG, or bytes.
 #[derive(Default, Serialize)]
 pub(super) struct Key {
     pub row: usize,
@@ -65,13 +65,13 @@ pub(super) struct Key {
     /// The template at the same gaze, cell by cell.
     pub template: String,
     pub features: String,
-    /// What 0 and 255 stand for in `features`, where that is not 0 and 1.
+    /// The values encoded as 0 and 255 in `features`, if they are not 0 and 1.
     pub span: Option<[f32; 2]>,
-    /// A probability an arm, 16 bits.
+    /// One probability per arm, 16 bits.
     pub policy: String,
-    /// Gazes used beside the chosen one.
+    /// Gazes used besides the chosen one.
     pub also: Vec<[f64; 2]>,
-    /// The reward surface, where the policy has one.
+    /// The reward surface, if the policy has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub surface: Option<Hills>,
 }
@@ -87,13 +87,13 @@ pub(super) struct Hills {
 }
 
 impl Key {
-    /// Bytes of its pictures and surfaces before base64.
+    /// Returns the size of its pictures and surfaces before base64, bytes.
     pub(super) fn bytes(&self) -> usize {
         bytes_of(&self.jpeg) + self.surface.as_ref().map_or(0, |s| bytes_of(&s.mean) + bytes_of(&s.sd))
     }
 }
 
-/// All that the page shows but its keys.
+/// All data of the page except its keys.
 pub(super) struct Page {
     source: String,
     info: Value,
@@ -114,7 +114,7 @@ pub(super) struct Page {
     /// Points along a side of a reward surface, and its reach.
     pub surface: Option<[f64; 2]>,
     regret: Value,
-    /// Probabilities of classes, a list a row; empty where there are none.
+    /// Class probabilities, one list per row; empty if there are none.
     classes: Vec<Vec<f64>>,
     class_names: Vec<String>,
 }
@@ -150,7 +150,7 @@ impl Page {
         }
     }
 
-    /// A row for a frame whose box was given; returns its index.
+    /// Adds a row for a frame with a given box; returns its index.
     pub(super) fn given(&mut self, frame: &Frame, state: &State, extent: Extent) -> usize {
         let mut row = [f64::NAN; COLUMNS.len()];
         self.size = [frame.image.width(), frame.image.height()];
@@ -167,7 +167,7 @@ impl Page {
         self.rows.len() - 1
     }
 
-    /// A row for a frame that was tracked; returns its index.
+    /// Adds a row for a tracked frame; returns its index.
     pub(super) fn tracked(&mut self, frame: &Frame, seen: &Seen<'_>, arm: Option<usize>) -> usize {
         let index = self.given(frame, &seen.state, seen.extent);
         self.particles = seen.weights.len();
@@ -202,10 +202,10 @@ impl Page {
         index
     }
 
-    /// Takes in what was earned and what could have been; a log has the rows that were tracked.
+    /// Adds rewards and regrets; the log has the tracked rows.
     pub(super) fn regret(&mut self, log: &RegretLog) {
         let Some(regret) = log.regret() else { return };
-        // A frame whose box was given has no gaze.
+        // A frame with a given box has no gaze.
         let gaze = COLUMNS.iter().position(|name| *name == "u").expect("it is one of them");
         let (mut tracked, mut series) = (0..log.frames(), vec![vec![]; 3]);
         for row in &self.rows {
@@ -223,7 +223,7 @@ impl Page {
         });
     }
 
-    /// The classes with the highest probabilities in any frame, the likeliest at the end first: names and a value a row. Null
+    /// Returns the classes with the highest probabilities in any frame, the most likely at the end first: names and one value per row. Null
     /// without a recogniser.
     fn classes(&self) -> Value {
         let Some(last) = self.classes.iter().rfind(|p| !p.is_empty()) else { return Value::Null };
@@ -240,7 +240,7 @@ impl Page {
         Value::Array(lines.collect())
     }
 
-    /// Name, and centre and size a row, of a track beside it.
+    /// Returns the name of another track, and its centre and size per row.
     fn columns_of(&self, baseline: &Baseline) -> Value {
         let boxes = baseline.boxes();
         let column = |of: fn(&BBox) -> f64| -> Vec<Value> {
@@ -252,12 +252,12 @@ impl Page {
         })
     }
 
-    /// Takes in how long tracking took.
+    /// Adds the tracking time.
     pub(super) fn measure(&mut self, tracking: Duration) {
         self.seconds = tracking.as_secs_f64();
     }
 
-    /// The page.
+    /// Returns the page.
     pub(super) fn render(&self, keys: &[&Key]) -> String {
         let column = |i: usize| self.rows.iter().map(|row| short(row[i])).collect();
         let series: Map<String, Value> =
@@ -276,7 +276,7 @@ impl Page {
     }
 }
 
-/// In the order in which they need each other.
+/// In order of dependency.
 const SCRIPTS: [&str; 7] = [
     include_str!("data.js"),
     include_str!("stage.js"),
@@ -292,7 +292,7 @@ mod tests {
     use super::*;
     use crate::report::html::words_after;
 
-    /// The scripts read nothing that the page does not have: a name that is changed on one side alone is found here.
+    /// The scripts read only names that the page has: the test finds a name that is changed on one side alone.
     #[test]
     fn scripts_read_what_is_written() {
         let page = Page::new(&RunInfo::default()).render(&[]);

@@ -1,11 +1,11 @@
-//! Boxes and the picture: which boxes a target can have, and where results put a box that left the picture.
+//! Boxes and the picture: the valid boxes of a target, and the place of boxes outside the picture in results.
 
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_video::SourceInfo;
 
-/// Whether a box shows at least a part of itself in the picture.
+/// Returns whether a part of a box lies in the picture.
 pub fn touches(b: &BBox, image: &Image) -> bool {
     b.x < image.width() as f64 && b.y < image.height() as f64 && b.x + b.w > 0.0 && b.y + b.h > 0.0
 }
@@ -34,8 +34,8 @@ pub fn check_box(what: &str, b: &BBox, info: &SourceInfo) -> Result<()> {
     )))
 }
 
-/// The box in results: one outside the picture moves to the nearest place where it touches the picture, and keeps its size. It moves
-/// no farther from any visible target, so no score becomes worse.
+/// Returns the box for results: a box outside the picture moves to the nearest place where it touches the picture, and keeps its size. It
+/// moves no farther from any visible target, so no score becomes worse.
 pub fn touching(b: &BBox, image: &Image) -> BBox {
     if touches(b, image) {
         return *b;

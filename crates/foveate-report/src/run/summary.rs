@@ -1,4 +1,4 @@
-//! What became of a run.
+//! The summary of a run.
 
 use std::collections::HashSet;
 use std::time::Duration;
@@ -9,12 +9,12 @@ use foveate_core::multi::Phase;
 use foveate_core::scene::Image;
 use foveate_core::{Seen, Status};
 
-/// What became of a run. The lists are empty in a run without an end.
+/// The summary of a run. The lists are empty in an endless run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunSummary {
     /// Frames in the results, the first one included.
     pub frames: usize,
-    /// Time spent in tracker and detectors in each of them, seconds.
+    /// Time spent in tracker and detectors in each frame, seconds.
     pub seconds: Vec<f64>,
     /// Time spent in all frames.
     pub spent: Duration,
@@ -40,25 +40,25 @@ pub struct RunSummary {
     pub class: Option<(usize, f64)>,
     /// One target: the name of that class, if it has one.
     pub class_name: Option<String>,
-    /// Many targets: targets that were started, by a detection or by hand; one that was given several boxes counts once.
+    /// Many targets: number of targets started by a detection or by hand; a target with several given boxes counts once.
     pub initiated: usize,
-    /// Many targets: how often a terminated one was re-identified.
+    /// Many targets: number of re-identifications of terminated targets.
     pub reidentified: usize,
-    /// Many targets: cuts.
+    /// Many targets: number of cuts.
     pub cuts: usize,
-    /// Many targets: the most active ones at a time.
+    /// Many targets: maximum number of simultaneously active targets.
     pub most: usize,
     /// Many targets: time spent in detecting; the rest of `spent` was spent in tracking.
     pub detecting: Duration,
 }
 
 impl RunSummary {
-    /// Frames per second, if all frames took so many seconds; 0 if nothing was measured.
+    /// Returns the frames per second if all frames took `seconds`; 0 if nothing was measured.
     pub fn fps(&self, seconds: f64) -> f64 {
         if seconds > 0.0 { self.frames as f64 / seconds } else { 0.0 }
     }
 
-    /// A frame of a run with one target.
+    /// Adds a frame of a run with one target.
     pub(super) fn add(&mut self, seen: &Seen<'_>, image: &Image, endless: bool) {
         if !endless {
             self.boxes.push(if seen.is_given() { seen.bbox } else { touching(&seen.bbox, image) });
@@ -77,7 +77,7 @@ impl RunSummary {
         self.class_name = seen.class.and_then(|(class, _)| seen.class_names.get(class).cloned());
     }
 
-    /// A frame of a run with many targets; `started` has the ids of those that were started.
+    /// Adds a frame of a run with many targets; `started` holds the ids of the started targets.
     pub(super) fn add_all(&mut self, targets: &[Seen<'_>], started: &mut HashSet<u64>) {
         let of = |phase| targets.iter().filter(move |target| target.phase == phase);
         started.extend(of(Phase::Initiated).map(|target| target.id));

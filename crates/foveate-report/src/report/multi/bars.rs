@@ -6,14 +6,14 @@ use super::Track;
 use crate::multi::colour;
 use foveate_core::multi::Phase;
 
-/// Width of the drawing, and of its text per letter, in its own units. Letters are narrower than this.
+/// Width of the drawing, and estimated width of a letter, in its own units; actual letters are narrower.
 const WIDE: f64 = 1000.0;
 const LETTER: f64 = 7.0;
 /// Height of a row, and of the axis below.
 const ROW: f64 = 22.0;
 const AXIS: f64 = 30.0;
 
-/// A row a track: filled where tracked, pale where occluded, a thin line where lost; a ring at each re-identification.
+/// Draws one row per track: filled if tracked, pale if occluded, a thin line if lost; a ring at each re-identification.
 pub(super) fn bars(tracks: &[(u64, &Track)], last: usize) -> String {
     let name = |id: u64| format!("id {id}");
     let longest = tracks.iter().map(|(id, _)| name(*id).len()).max().unwrap_or(0);
@@ -25,7 +25,7 @@ pub(super) fn bars(tracks: &[(u64, &Track)], last: usize) -> String {
     );
     let (foot, base) = (height - 24.0, height - 6.0);
     for frame in marks(last + 1, x(1.0) - x(0.0)) {
-        // The middle of the frame, which is number `frame` from 1.
+        // The middle of frame number `frame`, counted from 1.
         let at = x(frame as f64 - 0.5);
         let _ = write!(
             svg,
@@ -57,8 +57,8 @@ pub(super) fn bars(tracks: &[(u64, &Track)], last: usize) -> String {
     svg + "</svg>"
 }
 
-/// Frame numbers below the axis, counted from 1, where a frame is `unit` wide: multiples of 1, 2, 5, 10 ... that are farther
-/// apart than their labels are wide, at most 13, and none under the label of the last frame.
+/// Returns the frame numbers for the axis, counted from 1, with `unit` as the width of a frame: multiples of 1, 2, 5, 10 ... farther apart
+/// than the width of their labels, at most 13, and none under the label of the last frame.
 fn marks(frames: usize, unit: f64) -> Vec<usize> {
     let letters = frames.to_string().len() as f64;
     let apart = (LETTER * (letters + 2.0)).max((WIDE - 80.0) / 13.0);
