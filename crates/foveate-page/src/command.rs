@@ -1,11 +1,11 @@
-//! The command line that gives a track.
+//! The command line that reproduces a track.
 
 use std::path::Path;
 
 use foveate_core::Profile;
 use foveate_core::geometry::BBox;
 
-/// `foveate track` of these boxes: the first one begins, others are given again.
+/// Returns the `foveate track` command for these boxes: the first one is --init, the others are --reinit.
 pub fn command(path: &Path, given: &[(usize, BBox)], config: &str, policy: Option<&str>, seed: Option<u64>) -> String {
     let numbers = |b: &BBox| format!("{},{},{},{}", b.x + 1.0, b.y + 1.0, b.w, b.h);
     let mut line = format!("foveate track {}", quoted(&path.to_string_lossy()));
@@ -24,7 +24,7 @@ pub fn command(path: &Path, given: &[(usize, BBox)], config: &str, policy: Optio
     line
 }
 
-/// A word as a shell reads it.
+/// Quotes a word for a shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@%".contains(c);
     if !word.is_empty() && !word.starts_with('-') && word.chars().all(plain) {

@@ -1,4 +1,4 @@
-//! What differs between the programs that show the page.
+//! The interface to the programs that show the page.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -12,31 +12,31 @@ use crate::tracking::Setup;
 
 /// A program that shows the page.
 pub trait Host: Sized + Sync {
-    /// Videos as this host opens them.
+    /// A video as this host opens it.
     type Video: Video;
-    /// The text files that are offered of a video, of [`FILES`](crate::FILES).
+    /// The text files that are offered for a video, from [`FILES`](crate::FILES).
     const TEXTS: &[&str];
 
-    /// Time since a fixed moment; zero always where there is no clock. One message to track takes no longer than 60 ms by it.
+    /// Returns the time since a fixed moment, or always zero without a clock. It limits one tracking message to 60 ms.
     fn now() -> Duration;
 
-    /// What the page begins with: `pick`, whether a box is only to be reported; `roots`, folders and videos to choose from;
-    /// `configs`, as [`offered`] gives them; `config` and `policy`, which are chosen at first.
+    /// Returns the initial settings of the page: `pick`, whether a box is only reported; `roots`, the available folders and videos;
+    /// `configs`, from [`offered`]; `config` and `policy`, the initial selection.
     ///
     /// # Errors
     /// The list of videos cannot be read.
     fn hello(&self) -> Result<Value>;
 
-    /// What to track with: a configuration by its name, with another policy or seed where they are given.
+    /// Returns the tracking setup: a named configuration, with another policy or seed if given.
     ///
     /// # Errors
-    /// The page may not ask for it, or it does not fit.
+    /// The page may not use it, or it does not fit.
     fn setup(&self, config: String, policy: Option<String>, seed: Option<u64>) -> Result<Setup>;
 
-    /// A new folder for results, which the session removes; `None` keeps them in memory.
+    /// Creates a new folder for results, which the session removes; `None` keeps them in memory.
     ///
     /// # Errors
-    /// It cannot be made.
+    /// The folder cannot be created.
     fn folder(&self) -> Result<Option<PathBuf>> {
         Ok(None)
     }
@@ -47,23 +47,23 @@ pub trait Host: Sized + Sync {
     }
 }
 
-/// A video that is open.
+/// An open video.
 pub trait Video: Send {
-    /// Its frames, to be looked at.
+    /// Returns its frames, for display.
     fn frames(&mut self) -> &mut dyn Frames;
-    /// A new reader of its frames.
+    /// Returns a new reader of its frames.
     fn reader(&self) -> Box<dyn Frames>;
-    /// A new reader for the tracker.
+    /// Returns a new reader for the tracker.
     fn tracked(&self) -> Box<dyn Frames> {
         self.reader()
     }
-    /// Bits a second, where it is a file.
+    /// Returns the bit rate of a file, bits per second.
     fn bit_rate(&self) -> Option<f64> {
         None
     }
 }
 
-/// The shipped configurations for one target, of those that fit, by purpose: group, name, title, and use.
+/// Returns the shipped configurations for one target that satisfy `fits`, by purpose: group, name, title, and use.
 pub fn offered(fits: impl Fn(Config) -> bool) -> Vec<Value> {
     let single = |config: Config| config.multi_target.is_none() && fits(config);
     let all = OFFERED.iter().flat_map(|(group, some)| some.iter().map(move |(name, title)| (group, name, title)));

@@ -1,5 +1,5 @@
-//! boxes.txt, track.csv and track.jsonl as a track grows: a line of each a frame, so that a correction can take lines back. What
-//! lies further back is compressed, a few hundred bytes a frame become less than two hundred.
+//! boxes.txt, track.csv and track.jsonl of a growing track, with one line of each per frame, so that a correction can remove lines. Older
+//! lines are compressed, from a few hundred bytes per frame to fewer than two hundred.
 
 use std::collections::VecDeque;
 use std::io::{Read, Write};
@@ -17,22 +17,22 @@ use foveate_video::{Frame, Meter, Remarks};
 
 /// The files.
 pub const FILES: [&str; 3] = ["boxes.txt", "track.csv", "track.jsonl"];
-/// Frames that are compressed together.
+/// Number of frames that are compressed together.
 const CHUNK: usize = 256;
 
-/// What a target's file is called: the first one's as it is, `target-2-boxes.txt` of the second.
+/// Returns the name of a target's file: unchanged for the first target, `target-2-boxes.txt` for the second.
 pub(crate) fn named(target: usize, file: &str) -> String {
     if target == 0 { file.to_owned() } else { format!("target-{}-{file}", target + 1) }
 }
 
-/// The target, from 0, and the file that are called so.
+/// Returns the target, from 0, and the file with this name.
 pub(crate) fn target_of(name: &str) -> (usize, &str) {
     let parts = name.strip_prefix("target-").and_then(|rest| rest.split_once('-'));
     let found = parts.and_then(|(number, file)| Some((number.parse::<usize>().ok().filter(|n| *n > 1)? - 1, file)));
     found.unwrap_or((0, name))
 }
 
-/// Lines of the three files as a track grows.
+/// Lines of the three files of a growing track.
 pub(crate) struct Lines {
     kept: Kept,
     observers: [Box<dyn Observer + Send>; 3],
@@ -41,16 +41,16 @@ pub(crate) struct Lines {
 
 #[derive(Default)]
 struct Kept {
-    /// The first frame, from 0, of those that are kept.
+    /// The first stored frame, from 0.
     first: usize,
-    /// The first line of track.csv.
+    /// The header line of track.csv.
     header: String,
     /// Chunks of lines, compressed.
     packed: VecDeque<Vec<u8>>,
-    /// Lines that came last, three a frame, and their frames.
+    /// The most recent lines, three per frame, and their frames.
     tail: String,
     frames: usize,
-    /// Frames at most, where older ones give way to newer ones.
+    /// Maximum number of frames; newer frames replace older ones.
     most: Option<usize>,
 }
 
@@ -100,7 +100,7 @@ impl Kept {
     }
 }
 
-/// Text is never refused, and memory never full of it: both ways hold for what was made here.
+/// Writing text to memory and reading back our own output cannot fail.
 fn pack(text: &str) -> Vec<u8> {
     let mut encoder = DeflateEncoder::new(vec![], Compression::default());
     let mut bytes = encoder.write_all(text.as_bytes()).and_then(|()| encoder.finish()).expect("memory takes it");
@@ -115,7 +115,7 @@ fn unpack(bytes: &[u8]) -> String {
 }
 
 impl Lines {
-    /// No lines yet. At most `most` frames are kept, or somewhat more; `meter` is that of a source that drops frames.
+    /// Creates an empty store. It keeps `most` frames, or slightly more; `meter` belongs to a source that drops frames.
     pub(crate) fn new(most: Option<usize>, meter: Option<Meter>) -> Self {
         let out: [Memory; 3] = Default::default();
         let sink = |i: usize| Sink::memory(FILES[i], out[i].clone());
@@ -127,7 +127,7 @@ impl Lines {
         Self { kept: Kept { most, ..Kept::default() }, observers, out }
     }
 
-    /// A piece of a file, from 0; `None` after the last one, or where there is no file of that name.
+    /// Returns a piece of a file, from 0; `None` after the last one, or if there is no such file.
     pub(crate) fn piece(&self, name: &str, piece: usize) -> Option<String> {
         self.kept.piece(name, piece)
     }
@@ -148,13 +148,13 @@ impl Lines {
     /// Adds a frame.
     ///
     /// # Errors
-    /// It cannot be written down.
+    /// It cannot be written.
     pub(crate) fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         self.observers.iter_mut().try_for_each(|o| o.observe(frame, std::slice::from_ref(seen)))?;
         self.take(frame.index);
         Ok(())
     }
-    /// Drops all frames from `index` (from 0) on.
+    /// Removes all frames from `index` (from 0) on.
     pub(crate) fn cut(&mut self, index: usize) {
         self.kept.cut(index);
     }

@@ -11,20 +11,20 @@ use serde_json::Value;
 #[serde(tag = "op", rename_all = "snake_case", deny_unknown_fields)]
 #[allow(missing_docs)] // each field is explained by its variant
 pub enum Message {
-    /// What the page begins with.
+    /// Requests the initial settings of the page.
     Hello {},
-    /// Opens a camera of the page, whose frames will be pushed.
+    /// Opens a camera of the page, which pushes its frames.
     Live { name: String, width: usize, height: usize, rate: f64 },
     /// Closes a video.
     Close { session: u64 },
-    /// Proposes a box about a place, or without one about the most salient.
+    /// Proposes a box around a place, or the most salient box without one.
     Propose {
         session: u64,
         #[serde(deserialize_with = "counted_from_1")]
         frame: usize,
         at: Option<(f64, f64)>,
     },
-    /// Starts a target (from 0); one that is not there yet is added.
+    /// Starts a target (from 0), or adds a new one.
     Start {
         session: u64,
         #[serde(default)]
@@ -39,18 +39,18 @@ pub enum Message {
     },
     /// Tracks some frames.
     Step { session: u64, frames: usize },
-    /// Asks for the number of the frame that is tracked next.
+    /// Requests the number of the frame that is tracked next.
     Next { session: u64 },
-    /// Drops a target.
+    /// Removes a target.
     Remove { session: u64, target: usize },
-    /// Asks for particles, glimpse and gazes of a frame.
+    /// Requests particles, glimpse and gazes of a frame.
     Detail {
         session: u64,
         #[serde(default)]
         target: usize,
         frame: usize,
     },
-    /// Gives a box by hand in a frame that was tracked.
+    /// Gives a box by hand in a tracked frame.
     Correct {
         session: u64,
         #[serde(default)]
@@ -60,23 +60,23 @@ pub enum Message {
         #[serde(rename = "box", deserialize_with = "boxed")]
         bbox: BBox,
     },
-    /// Asks for the commands that give the tracks.
+    /// Requests the commands that reproduce the tracks.
     Command { session: u64 },
-    /// Begins to write results.
+    /// Starts writing results.
     Save {
         session: u64,
         #[serde(default)]
         film: bool,
         report: bool,
     },
-    /// Asks how far that is.
+    /// Requests the progress of writing results.
     Saved { session: u64 },
 }
 
-/// Deserializes the number of a frame, from 1.
+/// Deserializes a frame number, from 1.
 ///
 /// # Errors
-/// It is 0, or no number.
+/// It is 0, or not a number.
 pub fn counted_from_1<'de, D: Deserializer<'de>>(number: D) -> std::result::Result<usize, D::Error> {
     match usize::deserialize(number)? {
         0 => Err(serde::de::Error::custom("frame 0; frames count from 1")),
@@ -92,18 +92,18 @@ pub fn boxed<'de, D: Deserializer<'de>>(numbers: D) -> std::result::Result<BBox,
     <[f64; 4]>::deserialize(numbers).map(|[x, y, w, h]| BBox { x, y, w, h })
 }
 
-/// A message of every host's page, or one of `O`, those of one host alone.
+/// A message of every host's page, or a message `O` of one host.
 pub enum Asked<O> {
-    /// [`Page::act`](crate::Page::act) answers it.
+    /// Answered by [`Page::act`](crate::Page::act).
     Page(Message),
-    /// The host answers it.
+    /// Answered by the host.
     Own(O),
 }
 
 /// Reads a message from JSON. `own` names the operations of `O`.
 ///
 /// # Errors
-/// It is no JSON, or no message.
+/// It is not JSON, or not a message.
 pub fn read<O: DeserializeOwned>(json: &[u8], own: &[&str]) -> Result<Asked<O>> {
     let wrong = |error: serde_json::Error| Error::Invalid(format!("not a message: {error}"));
     let value: Value = serde_json::from_slice(json).map_err(wrong)?;

@@ -1,4 +1,4 @@
-//! The videos that are open, and the answers to messages about them.
+//! The open videos, and the answers to messages about them.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -10,17 +10,17 @@ use crate::message::Message;
 use crate::session::Session;
 use crate::tracks::MOST_TARGETS;
 
-/// Videos open at a time; the one that was used longest ago makes room.
+/// Maximum number of open videos; the least recently used one is closed.
 const MOST_SESSIONS: usize = 4;
 
-/// All that the page's messages are about.
+/// The state of the page.
 pub struct Page<H: Host> {
-    /// The program that shows it.
+    /// The program that shows the page.
     pub host: H,
     sessions: Mutex<Sessions<H>>,
 }
 
-/// Videos that are open, the one used last at the end.
+/// Open videos, most recently used last.
 struct Sessions<H: Host> {
     open: Vec<(u64, Arc<Mutex<Session<H>>>)>,
     last: u64,
@@ -31,7 +31,7 @@ fn unknown() -> Error {
 }
 
 impl<H: Host> Page<H> {
-    /// A page with no video open.
+    /// Creates a page with no open video.
     pub fn new(host: H) -> Self {
         Self { host, sessions: Mutex::new(Sessions { open: vec![], last: 0 }) }
     }
@@ -49,7 +49,7 @@ impl<H: Host> Page<H> {
         Ok(session)
     }
 
-    /// Keeps a session; what the page is sent of it, with its number.
+    /// Adds a session; returns its description for the page, with its number.
     pub fn add(&self, session: Session<H>) -> Value {
         let mut about = session.about();
         let mut sessions = self.sessions();
@@ -63,10 +63,10 @@ impl<H: Host> Page<H> {
         about
     }
 
-    /// Works with an open video. One in which something broke is closed.
+    /// Calls `work` with an open video. Closes the video if `work` panics.
     ///
     /// # Errors
-    /// It is not open, or as `work`.
+    /// The video is not open, or as `work`.
     pub fn with<T: Send>(&self, id: u64, work: impl FnOnce(&mut Session<H>) -> Result<T> + Send) -> Result<T> {
         let session = self.session(id)?;
         let Ok(mut guard) = session.lock() else {
@@ -77,15 +77,15 @@ impl<H: Host> Page<H> {
         self.host.run(|| work(session))
     }
 
-    /// Waits for a frame of a stream, as [`Session::wait`]; not on the threads that answer, where others would wait with it.
+    /// Waits for a frame of a stream, as [`Session::wait`]. Do not call it on the threads that answer messages: it would block them.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Session::wait`].
     pub fn wait(&self, id: u64, index: Option<usize>) -> Result<()> {
         self.session(id)?.lock().map_err(|_| unknown())?.wait(index)
     }
 
-    /// Closes a video, or all, and removes what was written for it.
+    /// Closes a video, or all, and removes its files.
     pub fn close(&self, id: Option<u64>) {
         self.sessions().open.retain(|(other, _)| id.is_some_and(|id| *other != id));
     }
@@ -93,7 +93,7 @@ impl<H: Host> Page<H> {
     /// Answers a message.
     ///
     /// # Errors
-    /// What it asks for cannot be done.
+    /// The request cannot be fulfilled.
     pub fn act(&self, message: Message) -> Result<Value> {
         match message {
             Message::Hello {} => {

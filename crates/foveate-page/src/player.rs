@@ -1,21 +1,21 @@
-//! Frames of a video in any order.
+//! Random access to the frames of a video.
 
 use std::sync::Arc;
 
 use foveate_base::Result;
 use foveate_video::{Frame, FrameSource, Remarks};
 
-/// Frames before one that was asked for that are decoded, too, where a source can be opened anywhere: for steps back.
+/// Number of frames before a requested one that are also decoded, for steps back, if the source can be opened anywhere.
 pub const BEFORE: usize = 16;
 
 /// Frames by their number.
 pub trait Frames: Send {
-    /// Frame `index` (from 0); `None` where the video ends before.
+    /// Returns frame `index` (from 0); `None` if the video ends before it.
     ///
     /// # Errors
-    /// It cannot be read, or is gone.
+    /// It cannot be read, or is no longer available.
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>>;
-    /// The frame before `index`, of the first one the next, where it can be had; and `index` itself.
+    /// Returns the frame before `index` (for the first frame, the next one) if available, and `index` itself.
     ///
     /// # Errors
     /// As [`Frames::frame`] of `index`.
@@ -26,17 +26,17 @@ pub trait Frames: Send {
         };
         Ok([self.frame(before).ok().flatten(), self.frame(index)?])
     }
-    /// Whether earlier frames can be had again; a camera's cannot.
+    /// Returns whether earlier frames can be read again; a camera's cannot.
     fn repeats(&self) -> bool {
         true
     }
-    /// What was found in the video, such as damage.
+    /// Returns remarks on the video, such as damage.
     fn remarks(&self) -> Remarks {
         Remarks::default()
     }
 }
 
-/// Frames, of which the one read last is kept.
+/// Frames, with a cache of the last one.
 pub(crate) struct Kept {
     frames: Box<dyn Frames>,
     /// The frame that was read last.
@@ -44,7 +44,7 @@ pub(crate) struct Kept {
 }
 
 impl Kept {
-    /// No frame is read yet.
+    /// Creates a reader that has read no frame.
     pub(crate) fn new(frames: Box<dyn Frames>) -> Self {
         Self { frames, last: None }
     }
@@ -63,39 +63,39 @@ impl Frames for Kept {
     }
 }
 
-/// A video that can be opened again and again.
+/// A video that can be opened repeatedly.
 pub trait Reopen: Send {
-    /// Its frames, from `from` on (from 0), which is 0 but for pictures.
+    /// Returns its frames from `from` on (from 0), which is 0 except for pictures.
     ///
     /// # Errors
     /// It cannot be opened.
     fn source(&self, from: usize) -> Result<Box<dyn FrameSource>>;
-    /// Of a row of pictures, which can be opened at any place: how many there are, and how many a second.
+    /// Returns the number and the frame rate of a sequence of pictures, which can be opened at any place.
     fn pictures(&self) -> Option<(usize, f64)> {
         None
     }
 }
 
-/// Reads frames; those in a row fast, others by opening the video again.
+/// Reads frames: consecutive ones quickly, others by opening the video again.
 pub struct Player<V> {
     video: V,
     source: Option<Box<dyn FrameSource>>,
-    /// The number of the frame that the source gives next.
+    /// The number of the next frame of the source.
     next: usize,
     last: Option<Arc<Frame>>,
     remarks: Remarks,
 }
 
 impl<V: Reopen> Player<V> {
-    /// Of a video; nothing is opened yet.
+    /// Creates a player of a video, which is not opened yet.
     pub fn new(video: V) -> Self {
         Self { video, source: None, next: 0, last: None, remarks: Remarks::default() }
     }
 
-    /// [`Frames::frame`]. Frames read on the way, but not those that could be left out, come to `passed`.
+    /// Returns frame `index` as [`Frames::frame`] does. Passes frames read on the way to `passed`, except those that could be skipped.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Frames::frame`].
     pub fn passing(&mut self, index: usize, mut passed: impl FnMut(&Frame)) -> Result<Option<Arc<Frame>>> {
         if let Some(frame) = self.last.as_ref().filter(|frame| frame.index == index) {
             return Ok(Some(Arc::clone(frame)));

@@ -1,28 +1,28 @@
-//! A box about a click: where motion (otherwise than the camera's) and saliency stand out against their surroundings.
+//! Proposes a box around a click: where motion (different from the camera's) and saliency differ most from their surroundings.
 
 use foveate_core::geometry::BBox;
 use foveate_core::scene::{Detector, Flow, Image, Map, Saliency};
 
-/// Sides of a box, pixels, at least; and its share of the picture, at most.
+/// Minimum side of a box in pixels, and maximum fraction of the picture.
 const LEAST: f64 = 8.0;
 const LARGEST: f64 = 0.4;
-/// Pixels a frame from which on something moves; saliency (0 to 1) from which on something stands out.
+/// Motion threshold, pixels per frame; saliency threshold, 0 to 1.
 const MOVES: f32 = 0.75;
 const STANDS_OUT: f32 = 0.05;
-/// Share of the picture's shorter side that a box has where nothing was found.
+/// Side of the default box, as a fraction of the picture's shorter side, if nothing was found.
 const PLAIN: f64 = 0.15;
-/// Points along the picture's longer side at which the maps are read.
+/// Points along the picture's longer side at which the maps are sampled.
 const POINTS: usize = 160;
-/// Boxes tried: widths relative to heights, how far from the click their centres are (share of a side), and the reach of the
-/// surroundings about them (share of a side).
+/// Candidate boxes: aspect ratios, distances of their centres from the click (fraction of a side), and the extent of the surroundings
+/// (fraction of a side).
 const ASPECTS: [f64; 7] = [0.4, 0.55, 0.75, 1.0, 1.35, 1.8, 2.5];
 const SHIFTS: [f64; 5] = [-0.24, -0.12, 0.0, 0.12, 0.24];
 const AROUND: f64 = 0.3;
-/// How much larger boxes are preferred: the power of the area.
+/// Preference for larger boxes: the exponent of the area.
 const PREFERENCE: f64 = 0.03;
 
-/// A box about a place, or without one about the most salient; and where it comes from: `motion`, `saliency`, `size`.
-/// Motion is told by another frame, the one before or after.
+/// Returns a box around a place, or the most salient box without one, and its origin: `motion`, `saliency`, `size`. Motion is computed with
+/// another frame, the one before or after.
 pub(crate) fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> (BBox, &'static str) {
     let size = (image.width(), image.height());
     let (mut flow, mut saliency) = (Flow::default(), Saliency::default());
@@ -44,8 +44,8 @@ pub(crate) fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64
     (inside(&BBox::around(x, y, side, side), size), "size")
 }
 
-/// The box about a place in which the maps, relative to their values there, stand out most against what surrounds it; and the first
-/// map that has something there.
+/// Returns the box around a place in which the maps, relative to their values there, differ most from the surroundings; and the first map
+/// above its threshold there.
 fn about(maps: &[(&Map, f32)], (x, y): (f64, f64), (width, height): (usize, usize)) -> Option<(BBox, usize)> {
     let step = (width.max(height) as f64 / POINTS as f64).max(2.0);
     let (w, h) = ((width as f64 / step).ceil() as usize, (height as f64 / step).ceil() as usize);
@@ -120,7 +120,7 @@ impl Sums {
         }
         Self { width, height, all }
     }
-    /// The sum over the points in a box, and their number.
+    /// Returns the sum over the points in a box, and their number.
     fn over(&self, b: &BBox) -> (f64, f64) {
         let cut = |v: f64, n: usize| v.round().clamp(0.0, n as f64) as usize;
         let (x0, x1) = (cut(b.x, self.width), cut(b.x + b.w, self.width));
@@ -130,7 +130,7 @@ impl Sums {
     }
 }
 
-/// A box of whole pixels, not too small, in the picture.
+/// Returns a box of whole pixels, of at least the minimum size, inside the picture.
 fn inside(b: &BBox, (width, height): (usize, usize)) -> BBox {
     let fit = |from: f64, side: f64, room: usize| {
         let side = side.round().max(LEAST).min(room as f64);

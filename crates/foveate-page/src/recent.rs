@@ -1,4 +1,4 @@
-//! The last frames of a source that has each but once: a camera, a stream, or what only the browser can decode.
+//! The most recent frames of a source that yields each frame once: a camera, a stream, or a video that only the browser can decode.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,15 +8,15 @@ use foveate_base::{Error, Result};
 use foveate_core::scene::Image;
 use foveate_video::{Frame, Meter};
 
-/// Frames that are kept: for steps back, and corrections.
+/// Number of frames kept for steps back and corrections.
 pub(crate) const RECENT: usize = 8;
 
-/// Frames that came last; clones share them.
+/// The most recent frames; clones share them.
 #[derive(Clone)]
 pub struct Recent {
     shared: Arc<Mutex<Kept>>,
     size: (usize, usize),
-    /// Counts frames of the source that never came.
+    /// Counts frames of the source that never arrived.
     pub meter: Meter,
 }
 
@@ -27,7 +27,7 @@ struct Kept {
 }
 
 impl Recent {
-    /// Of frames of this size.
+    /// Creates an empty store for frames of this size.
     pub fn new(width: usize, height: usize) -> Self {
         Self { shared: Arc::default(), size: (width, height), meter: Meter::default() }
     }
@@ -36,20 +36,20 @@ impl Recent {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Width and height in pixels.
+    /// Returns width and height in pixels.
     pub fn size(&self) -> (usize, usize) {
         self.size
     }
 
-    /// How many frames came so far.
+    /// Returns the number of frames so far.
     pub fn count(&self) -> usize {
         self.kept().count
     }
 
-    /// Takes the next frame; its time in seconds; and how many frames before it never came. Answers its number, from 0.
+    /// Adds the next frame, with its time in seconds and the number of frames before it that never arrived. Returns its number, from 0.
     ///
     /// # Errors
-    /// It has another size than the first.
+    /// Its size differs from that of the first frame.
     pub fn push(&self, image: Image, time: f64, missed: u64) -> Result<usize> {
         let ((width, height), (w, h)) = (self.size, (image.width(), image.height()));
         if (w, h) != (width, height) {

@@ -1,4 +1,4 @@
-//! What the page is told of a frame.
+//! The page's data of a frame.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -15,7 +15,7 @@ use foveate_video::Frame;
 /// Points along a side of a reward surface.
 const SURFACE: usize = 17;
 
-/// A frame in figures. Pixels count from 0, frames from 1.
+/// The numbers of a frame. Pixels count from 0, frames from 1.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// Its number, from 1.
@@ -25,30 +25,30 @@ pub struct Row {
     /// Left, top, width, height.
     #[serde(rename = "box")]
     pub bbox: [f64; 4],
-    /// The corners of the turned box.
+    /// The corners of the rotated box.
     pub corners: [[f64; 2]; 4],
     /// Whether the box was given by hand.
     pub given: bool,
     /// The probability that the target is lost, 0 to 1.
     pub p_lost: f64,
-    /// The status; `given` where the box was.
+    /// The status; `given` for a given box.
     pub status: &'static str,
-    /// Whether the box is a result: false where the status is occluded or lost.
+    /// Whether the box is a result: false if the status is occluded or lost.
     pub usable: bool,
-    /// The chosen gaze in template units, and where it falls: x, y, and one template unit along u and along v.
+    /// The chosen gaze in template units.
     pub gaze: Option<[f64; 2]>,
-    /// See `gaze`.
+    /// The position of the gaze: x, y, and one template unit along u and along v.
     pub fixation: Option<[f64; 6]>,
-    /// The 90 % region of the centre: x, y, half axes, turn.
+    /// The 90 % region of the centre: x, y, half axes, angle.
     pub region: Option<[f64; 5]>,
-    /// Distance of what was seen to the template.
+    /// Distance of the glimpse from the template.
     pub distance: Option<f64>,
     /// Effective sample size, 1 to the number of particles.
     pub ess: Option<f64>,
 }
 
 impl Row {
-    /// A frame and its target.
+    /// Creates the row of a frame and its target.
     pub fn of(frame: &Frame, seen: &Seen<'_>) -> Self {
         let (b, gaze, region, given) = (seen.bbox, seen.gaze, seen.region(0.9), seen.is_given());
         let f = seen.state.fixate(gaze, seen.extent);
@@ -77,24 +77,24 @@ fn corners(state: &State, extent: Extent) -> [[f64; 2]; 4] {
     })
 }
 
-/// What a frame looked like from inside, as JSON text: particles, glimpse, policy.
+/// The tracker's internal state in a frame, as JSON text: particles, glimpse, policy.
 #[derive(Serialize)]
 struct Detail {
     frame: usize,
     /// Particles: x and y as 16 bits each (low byte first) over −1 to 2 pictures, base64.
     particles: String,
-    /// As many bytes: weights relative to the heaviest.
+    /// The same number of bytes: weights relative to the heaviest.
     weights: String,
-    /// The glimpse, a byte a cell.
+    /// The glimpse, one byte per cell.
     glimpse: String,
-    /// Further gazes that were used.
+    /// Further gazes used.
     also: Vec<[f64; 2]>,
     /// Gazes of a policy with several, and their probabilities.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     arms: Vec<[f64; 3]>,
 }
 
-/// What a frame (from 1) looked like from inside, as JSON text: particles, glimpse, gazes, probabilities of gazes.
+/// Returns the tracker's internal state in a frame (from 1), as JSON text: particles, glimpse, gazes, probabilities of gazes.
 pub fn detail(frame: usize, seen: &Seen<'_>) -> String {
     let (particles, weights) = foveate_report::particles(seen);
     let chosen = seen.plan.chosen_index();
@@ -126,14 +126,14 @@ pub struct Surface {
     best: Option<[f64; 2]>,
 }
 
-/// What a policy over a continuous space has learned so far.
+/// Returns the current reward surface of a policy over a continuous space.
 pub fn surface(snapshot: PolicySnapshot<'_>) -> Option<Surface> {
     let PolicySnapshot::Surface(surface) = snapshot else { return None };
     let heat = Heat::of(surface, SURFACE);
     Some(Surface { side: heat.n, reach: heat.reach, mean: heat.mean, best: surface.best().map(|g| [g.u, g.v]) })
 }
 
-/// A retina's cells: centre, half side, channel of each, one after the other.
+/// Returns a retina's cells: centre, half side and channel of each, one after the other.
 pub fn cells(retina: &dyn Retina) -> Vec<f64> {
     retina.cells().iter().flat_map(|c| [c.u, c.v, c.half, c.channel as f64]).collect()
 }

@@ -1,4 +1,4 @@
-//! annotated.mp4, report.html and surface.png of a track: the track is run once more, as `foveate track` runs it.
+//! annotated.mp4, report.html and surface.png of a track: the track is computed again, as `foveate track` does.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,10 +15,10 @@ use crate::host::Host;
 use crate::player::Frames;
 use crate::tracking::Tracking;
 
-/// Frames that are tracked for one message, at most.
+/// Maximum number of frames tracked per message.
 const FRAMES: usize = 10;
 
-/// A result that is whole.
+/// A complete result.
 #[derive(Clone)]
 pub enum Made {
     /// In memory.
@@ -27,10 +27,10 @@ pub enum Made {
     File(PathBuf),
 }
 
-/// A file in the making: its name, the observer that writes it, and its bytes where they are in memory.
+/// A file being written: its name, the observer that writes it, and its bytes if they are in memory.
 type Output = (&'static str, Box<dyn Observer + Send>, Option<Memory>);
 
-/// Results of a target that are being written, or are there. Dropped, they are removed.
+/// Results of a target that are being written, or are complete. If dropped, they are removed.
 pub(crate) struct Saving {
     tracker: Tracker,
     frames: Box<dyn Frames>,
@@ -40,13 +40,13 @@ pub(crate) struct Saving {
     last: usize,
     info: RunInfo,
     folder: Folder,
-    /// Frames so far.
+    /// Number of frames so far.
     pub count: usize,
-    /// The files, once they are whole.
+    /// The files, once they are complete.
     pub files: Option<Vec<(&'static str, Made)>>,
 }
 
-/// A folder that is removed with what is in it; `None` for memory.
+/// A folder that is removed with its contents; `None` for memory.
 struct Folder(Option<PathBuf>);
 
 impl Drop for Folder {
@@ -58,7 +58,7 @@ impl Drop for Folder {
 }
 
 impl Saving {
-    /// Begins to write the files that are asked for.
+    /// Starts writing the requested files.
     ///
     /// # Errors
     /// A file cannot be written.
@@ -96,10 +96,10 @@ impl Saving {
         Ok(Self { tracker, frames, outputs, given, next, last, info, folder, count: 0, files: None })
     }
 
-    /// Tracks some frames more; none after the first where `enough` says so.
+    /// Tracks further frames; stops after the first one when `enough` returns true.
     ///
     /// # Errors
-    /// The video breaks, or a file cannot be written.
+    /// The video breaks off, or a file cannot be written.
     pub(crate) fn go_on<H: Host>(&mut self, enough: impl Fn() -> bool) -> Result<()> {
         for done in 0..FRAMES {
             if self.files.is_some() || (done > 0 && enough()) {

@@ -1,4 +1,4 @@
-//! A video that is open: its frames, its tracks, its results.
+//! An open video: its frames, its tracks, its results.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,39 +20,39 @@ use crate::saving::{Made, Saving};
 use crate::tracking::Setup;
 use crate::tracks::Tracks;
 
-/// Pixels of a frame, at most: a decoded one has three bytes for each, and a page holds a few.
+/// Maximum number of pixels of a frame: a decoded frame has three bytes per pixel, and a page holds several.
 const MOST_PIXELS: usize = 1 << 25;
-/// True boxes that the page is sent, at most.
+/// Maximum number of true boxes sent to the page.
 const MOST_TRUTH: usize = 20_000;
-/// How long one message to track may take.
+/// Time limit of one tracking message.
 const LONGEST_STEP: std::time::Duration = std::time::Duration::from_millis(60);
 
-/// Waits for the next frame of a stream and adds it to the last frames.
+/// Waits for the next frame of a stream and adds it to the most recent frames.
 pub type Pull = Box<dyn FnMut(&Recent) -> Result<()> + Send>;
 
-/// Where frames come from.
+/// The source of frames.
 pub enum Source<V> {
-    /// A video of which any frame can be read.
+    /// A video with random access to its frames.
     Video(V),
-    /// A camera or a stream, which gives each frame once; without the function the page pushes its frames.
+    /// A camera or a stream, which yields each frame once; without the function the page pushes its frames.
     Live(Recent, Option<Pull>),
 }
 
-/// A video that is open.
+/// An open video.
 pub struct Session<H: Host> {
-    /// What is known of it.
+    /// The description of the source.
     pub info: SourceInfo,
     /// Its name on the command line.
     pub name: PathBuf,
-    /// Where its frames come from.
+    /// The source of its frames.
     pub source: Source<H::Video>,
     truth: Vec<Option<BBox>>,
     pub(crate) tracks: Tracks,
-    /// Of each target, once the page asked for results.
+    /// One for each target, after the page requested results.
     saving: Option<Vec<Saving>>,
 }
 
-/// Fails where frames are too large for a page.
+/// Fails if frames are too large for a page.
 ///
 /// # Errors
 /// [`Error::Malformed`] with their size.
@@ -66,7 +66,7 @@ pub fn check_size(info: &SourceInfo, video: &Path) -> Result<()> {
 }
 
 impl<H: Host> Session<H> {
-    /// A session of a source, with the true boxes from frame 0 on where they are known.
+    /// Creates a session of a source, with the true boxes from frame 0 on if known.
     ///
     /// # Errors
     /// Its frames are too large for a page.
@@ -79,7 +79,7 @@ impl<H: Host> Session<H> {
         Ok(Self { info, name, source, truth, tracks: Tracks::new(frames, meter), saving: None })
     }
 
-    /// A camera of the page, whose frames of this size will be pushed.
+    /// Creates a session of a camera of the page, which pushes frames of this size.
     ///
     /// # Errors
     /// It has no picture, or one that is too large.
@@ -96,7 +96,7 @@ impl<H: Host> Session<H> {
         matches!(self.source, Source::Live(..))
     }
 
-    /// What the page is sent when the video opens.
+    /// Returns the description of the video for the page.
     pub(crate) fn about(&self) -> Value {
         let truth = self.truth.iter().take(MOST_TRUTH);
         let truth: Vec<_> = truth.map(|b| b.map(|b| [b.x, b.y, b.w, b.h])).collect();
@@ -111,10 +111,10 @@ impl<H: Host> Session<H> {
         about
     }
 
-    /// Waits for a frame of a stream if it is still to come: `index` (from 0), or for `None` the one that is tracked next.
+    /// Waits for a future frame of a stream: `index` (from 0), or for `None` the one that is tracked next.
     ///
     /// # Errors
-    /// The stream breaks, or none came in time.
+    /// The stream breaks off, or no frame came in time.
     pub fn wait(&mut self, index: Option<usize>) -> Result<()> {
         let index = index.or(self.tracks.next());
         match &mut self.source {
@@ -123,11 +123,11 @@ impl<H: Host> Session<H> {
         }
     }
 
-    /// Takes the next frame of a camera of the page, at a time in seconds, after `missed` frames that were never seen; its number
-    /// from 1.
+    /// Adds the next frame of a camera of the page, with a time in seconds, after `missed` frames that were not received. Returns its
+    /// number from 1.
     ///
     /// # Errors
-    /// The page does not push this video's frames, or it has another size.
+    /// The page does not push this video's frames, or the size differs.
     pub fn push(&self, image: Image, time: f64, missed: u64) -> Result<usize> {
         match &self.source {
             Source::Live(recent, None) => recent.push(image, time, missed).map(|index| index + 1),
@@ -135,15 +135,15 @@ impl<H: Host> Session<H> {
         }
     }
 
-    /// The frame that was decoded last for the tracks.
+    /// Returns the frame that was last decoded for the tracks.
     pub fn decoded(&self) -> Option<Arc<Frame>> {
         self.tracks.decoded()
     }
 
-    /// A frame (from 0); `None` where the video ends before.
+    /// Returns a frame (from 0); `None` if the video ends before it.
     ///
     /// # Errors
-    /// It cannot be read, or is gone.
+    /// It cannot be read, or is no longer available.
     pub fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
         match self.decoded().filter(|frame| frame.index == index) {
             Some(frame) => Ok(Some(frame)),
@@ -158,7 +158,7 @@ impl<H: Host> Session<H> {
         }
     }
 
-    /// A box about a place in a frame (from 1), or without one about the most salient.
+    /// Proposes a box around a place in a frame (from 1), or the most salient box without one.
     pub(crate) fn propose(&mut self, frame: usize, at: Option<(f64, f64)>) -> Result<Value> {
         let [other, frame] = self.frames().pair(frame - 1)?;
         let frame = frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
@@ -180,7 +180,7 @@ impl<H: Host> Session<H> {
 
     pub(crate) fn step(&mut self, frames: usize) -> Result<Value> {
         let (began, before) = (H::now(), self.tracks.frames());
-        // Of a stream one frame has come; targets that are behind catch up on those that are kept.
+        // A stream has one new frame; targets that are behind catch up on the stored ones.
         let frames = if self.is_live() { 1 } else { frames };
         let mut answer = self.tracks.step(frames, || H::now() - began > LONGEST_STEP)?;
         if self.tracks.frames() > before {
@@ -198,15 +198,15 @@ impl<H: Host> Session<H> {
         self.tracks.correct(target, frame - 1, bbox)
     }
 
-    /// The commands that give these tracks; empty for a camera or a stream, whose frames do not come again.
+    /// Returns the commands that reproduce these tracks; empty for a camera or a stream, which cannot be read again.
     pub(crate) fn command(&self) -> Result<String> {
         if self.is_live() { self.tracks.get(0).map(|_| String::new()) } else { self.tracks.command(&self.name) }
     }
 
-    /// Begins to write results. Text files are there already; of a camera or a stream there are no others.
+    /// Starts writing results. Text files exist already; a camera or a stream has no others.
     pub(crate) fn save(&mut self, film: bool, report: bool, host: &H) -> Result<Value> {
         self.tracks.get(0)?;
-        // The files before go first.
+        // Remove the earlier files first.
         self.saving = None;
         let mut all = vec![];
         if let (Source::Video(video), true) = (&self.source, film || report) {
@@ -226,7 +226,7 @@ impl<H: Host> Session<H> {
         Ok(json!({}))
     }
 
-    /// How far that is; with the names of the files once they are whole.
+    /// Returns the progress, with the names of the files once they are complete.
     pub(crate) fn saved(&mut self) -> Result<Value> {
         let live = self.is_live();
         let texts = if live { &FILES } else { H::TEXTS };
@@ -252,13 +252,13 @@ impl<H: Host> Session<H> {
         Ok(json!({ "frames": frames, "files": files }))
     }
 
-    /// A piece, from 0, of a text file of a target; `None` after the last one, or where there is none of that name.
+    /// Returns a piece, from 0, of a text file of a target; `None` after the last one, or if there is no such file.
     pub fn text(&self, name: &str, piece: usize) -> Option<String> {
         let (target, name) = target_of(name);
         self.tracks.get(target).ok()?.lines.piece(name, piece)
     }
 
-    /// A file that was written.
+    /// Returns a written file.
     pub fn made(&self, name: &str) -> Option<Made> {
         let (target, name) = target_of(name);
         let files = self.saving.as_ref()?.get(target)?.files.as_ref()?;

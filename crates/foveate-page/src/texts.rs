@@ -1,8 +1,8 @@
-//! Texts of frames within so many bytes.
+//! Texts of frames with a total size limit.
 
 use std::collections::BTreeMap;
 
-/// Texts by frame, no more than so many bytes of them.
+/// Texts by frame, with a total size limit in bytes.
 pub(super) struct Texts {
     pub all: BTreeMap<usize, String>,
     pub bytes: usize,
@@ -20,7 +20,7 @@ impl Texts {
     pub(crate) fn drop_first(&mut self) {
         self.bytes -= self.all.pop_first().map_or(0, |(_, text)| text.len());
     }
-    /// Drops every other one; the first one stays.
+    /// Removes every other text; the first one stays.
     pub(crate) fn thin(&mut self) {
         let mut k = 0;
         self.all.retain(|_, _| {

@@ -1,4 +1,4 @@
-//! A track that grows as the page asks, and that can be taken up again at any of its frames.
+//! A track that grows on request, and that can be resumed at any of its frames.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,30 +14,30 @@ use foveate_core::geometry::BBox;
 use foveate_core::{Seen, Tracker, start};
 use foveate_video::Frame;
 
-/// Frames of a track, at most; of a source without an end, of which results are kept.
+/// Maximum number of frames of a track; for an endless source, of stored results.
 pub(crate) const MOST_FRAMES: usize = 100_000;
-/// Bytes of details, and of saved states, that a track keeps; and of details where frames do not repeat.
+/// Maximum size of stored details, and of saved states, in bytes; and of details if frames do not repeat.
 const DETAILS: usize = 32 << 20;
 const STATES: usize = 32 << 20;
 const RECENT_DETAILS: usize = 1 << 18;
-/// Frames from one saved state to the next.
+/// Number of frames between saved states.
 const EVERY: usize = 50;
 
-/// What to track with.
+/// The tracking setup.
 #[derive(Clone)]
 pub struct Setup {
-    /// The configuration, checked.
+    /// The checked configuration.
     pub blueprint: Blueprint,
     /// Its name.
     pub config: String,
-    /// The policy in the place of the configuration's own.
+    /// The policy that replaces the configuration's own.
     pub policy: Option<String>,
     /// The seed.
     pub seed: u64,
 }
 
 impl Setup {
-    /// A configuration of this name, in which the policy is in its place already, with its own seed where none is given.
+    /// Creates a setup from a named configuration in which the policy is already replaced; uses its own seed if none is given.
     ///
     /// # Errors
     /// It is for many targets, or a part of it does not fit.
@@ -60,21 +60,21 @@ impl Setup {
 
 /// A track.
 pub(crate) struct Tracking {
-    /// What it is tracked with.
+    /// The tracking setup.
     pub setup: Setup,
     tracker: Tracker,
-    /// Its results as text.
+    /// The results as text.
     pub lines: Lines,
-    /// The frame it began in, from 0.
+    /// The first frame, from 0.
     first: usize,
-    /// How many it has.
+    /// The number of frames.
     count: usize,
-    /// Rows that nobody took yet.
+    /// Rows that were not taken yet.
     rows: Vec<Row>,
     /// Boxes given by hand, by frame from 0.
     given: BTreeMap<usize, BBox>,
     details: Texts,
-    /// The tracker after some frames.
+    /// Saved tracker states after some frames.
     states: Texts,
     every: usize,
     /// Whether the video has ended.
@@ -106,43 +106,43 @@ impl Tracking {
         Ok(tracking)
     }
 
-    /// A row for each frame that was tracked since this was called last. A track keeps none: who shows it has them.
+    /// Returns a row for each frame tracked since the last call. A track keeps no rows: the page stores them.
     pub(crate) fn take_rows(&mut self) -> Vec<Row> {
         std::mem::take(&mut self.rows)
     }
-    /// How many frames it has.
+    /// Returns the number of frames.
     pub(crate) fn frames(&self) -> usize {
         self.count
     }
-    /// The first frame, from 0.
+    /// Returns the first frame, from 0.
     pub(crate) fn first(&self) -> usize {
         self.first
     }
-    /// The last frame tracked, from 0.
+    /// Returns the last tracked frame, from 0.
     pub(crate) fn last(&self) -> usize {
         self.first + self.count - 1
     }
-    /// Whether the video has ended.
+    /// Returns whether the video has ended.
     pub(crate) fn ended(&self) -> bool {
         self.ended
     }
-    /// Boxes given by hand, by frame from 0.
+    /// Returns the boxes given by hand, by frame from 0.
     pub(crate) fn given(&self) -> &BTreeMap<usize, BBox> {
         &self.given
     }
-    /// The detail of a frame (from 0), as JSON; `None` where it was not kept.
+    /// Returns the detail of a frame (from 0), as JSON; `None` if it was not kept.
     pub(crate) fn detail(&self, index: usize) -> Option<&str> {
         self.details.all.get(&index).map(|text| &**text)
     }
-    /// What the policy has learned by the last frame.
+    /// Returns the policy's reward surface after the last frame.
     pub(crate) fn surface(&self) -> Option<Surface> {
         row::surface(self.tracker.parts().gaze.policy().snapshot())
     }
 
-    /// Tracks the next frame, where the video has one.
+    /// Tracks the next frame, if the video has one.
     ///
     /// # Errors
-    /// The video breaks, or the track is too long.
+    /// The video breaks off, or the track is too long.
     pub(crate) fn step(&mut self, frames: &mut dyn Frames) -> Result<()> {
         if self.ended {
             return Ok(());
@@ -153,17 +153,17 @@ impl Tracking {
         self.go_on(frames, self.last() + 1)
     }
 
-    /// A box by hand in a frame (from 0) that was tracked: what was tracked from there on is forgotten, and the target starts anew,
-    /// as with `--reinit`. Where frames do not repeat it must be one of those that are kept.
+    /// Sets a box by hand in a tracked frame (from 0): removes the track from there on and restarts the target, as `--reinit` does. If
+    /// frames do not repeat, the frame must still be stored.
     ///
     /// # Errors
-    /// The frame was not tracked, is gone, or the box does not fit it.
+    /// The frame was not tracked, is no longer available, or the box does not fit it.
     pub(crate) fn correct(&mut self, frames: &mut dyn Frames, index: usize, bbox: BBox) -> Result<()> {
         if !(self.first..=self.last()).contains(&index) {
             let (first, last) = (self.first + 1, self.last() + 1);
             return Err(Error::Invalid(format!("frames {first} to {last} are tracked; correct one of these")));
         }
-        // Before anything is forgotten: the frame may be gone, and the box may not fit it.
+        // Check first, before removing anything: the frame may be unavailable, and the box may not fit it.
         let frame = needed(frames, index)?;
         start::check(&frame.image, &bbox)?;
         if !frames.repeats() {
@@ -177,7 +177,7 @@ impl Tracking {
         self.begin(&frame, frames.repeats(), bbox)
     }
 
-    /// Brings the tracker to where it was after frame `index`, by the last state saved until then and the frames since.
+    /// Restores the tracker to its state after frame `index`, from the last saved state before it and the frames since.
     fn rewind(&mut self, frames: &mut dyn Frames, index: usize) -> Result<()> {
         let saved = self.states.all.range(..=index).next_back().map(|(k, text)| (*k, text.clone()));
         let (from, text) =
@@ -200,7 +200,7 @@ impl Tracking {
         Ok(())
     }
 
-    /// Forgets all from frame `index` on.
+    /// Removes everything from frame `index` on.
     fn cut(&mut self, index: usize) {
         self.count = index - self.first;
         self.rows.retain(|row| row.frame <= index);
@@ -246,7 +246,7 @@ impl Tracking {
         Ok(())
     }
 
-    /// Keeps the tracker as it is after a frame. Where there is no room, every other state goes, and later ones are rarer.
+    /// Saves the tracker's state after a frame. If there is no room, removes every other state, and saves later ones less often.
     fn save(&mut self, index: usize, repeats: bool) {
         if !repeats {
             return;
@@ -259,7 +259,7 @@ impl Tracking {
     }
 }
 
-/// A frame that the video must have.
+/// Returns a frame that the video must have.
 fn needed(frames: &mut dyn Frames, index: usize) -> Result<Arc<Frame>> {
     let missing = || Error::Invalid(format!("the video has no frame {}; choose an earlier one", index + 1));
     frames.frame(index)?.ok_or_else(missing)

@@ -1,4 +1,4 @@
-//! The tracks of a video, one for each target, and the JSON that the page is sent of them.
+//! The tracks of a video, one for each target, and their JSON for the page.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,9 +14,9 @@ use crate::player::{Frames, Kept};
 use crate::row::cells;
 use crate::tracking::{MOST_FRAMES, Setup, Tracking};
 
-/// Targets of a video, at most: each takes time.
+/// Maximum number of targets of a video: each takes time.
 pub(crate) const MOST_TARGETS: usize = 8;
-/// Frames tracked for one message, at most.
+/// Maximum number of frames tracked per message.
 const MOST_STEPS: usize = 200;
 
 /// The tracks of a video: one for each target, all on the same frames.
@@ -28,39 +28,39 @@ pub(crate) struct Tracks {
 }
 
 impl Tracks {
-    /// Of no target yet.
+    /// Creates tracks without a target.
     pub(crate) fn new(frames: Box<dyn Frames>, meter: Option<Meter>) -> Self {
         Self { frames: Kept::new(frames), meter, all: vec![] }
     }
 
-    /// The track of a target, from 0.
+    /// Returns the track of a target, from 0.
     ///
     /// # Errors
-    /// There is none yet.
+    /// There is no such target.
     pub(crate) fn get(&self, target: usize) -> Result<&Tracking> {
         self.all.get(target).ok_or_else(|| untracked(target))
     }
-    /// How many targets there are.
+    /// Returns the number of targets.
     pub(crate) fn count(&self) -> usize {
         self.all.len()
     }
-    /// How many frames all of them have together.
+    /// Returns the total number of frames of all targets.
     pub(crate) fn frames(&self) -> usize {
         self.all.iter().map(Tracking::frames).sum()
     }
-    /// The frame (from 0) that is tracked next: of the target that is farthest behind. `None` where there is none.
+    /// Returns the frame (from 0) that is tracked next: that of the target that is farthest behind. `None` without a target.
     pub(crate) fn next(&self) -> Option<usize> {
         self.all.iter().filter(|t| !t.ended()).map(|t| t.last() + 1).min()
     }
-    /// The frame that was decoded last for them.
+    /// Returns the frame that was last decoded for the tracks.
     pub(crate) fn decoded(&self) -> Option<Arc<Frame>> {
         self.frames.last.clone()
     }
 
-    /// Starts a target on a box in a frame (from 0), in the place of the target of that number, or as the next one.
+    /// Starts a target on a box in a frame (from 0); replaces the target with that number, or adds the next one.
     ///
     /// # Errors
-    /// There are targets enough, or as [`Tracking::start`].
+    /// There are too many targets, or as [`Tracking::start`].
     pub(crate) fn start(&mut self, target: usize, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
         if target > self.all.len() || target >= MOST_TARGETS {
             let there = self.all.len();
@@ -80,7 +80,7 @@ impl Tracks {
         Ok(json!({ "rows": rows, "cells": cells, "policy": policy, "ended": false }))
     }
 
-    /// Forgets a target; those after it move up.
+    /// Removes a target; later ones move up.
     ///
     /// # Errors
     /// There is no such target.
@@ -90,8 +90,8 @@ impl Tracks {
         Ok(json!({}))
     }
 
-    /// Tracks some frames; none after the first where `enough` says so. Targets that are behind catch up first, so that all see a
-    /// frame while it is there.
+    /// Tracks some frames; stops after the first one when `enough` returns true. Targets that are behind catch up first, so that all
+    /// targets get a frame while it is available.
     ///
     /// # Errors
     /// There is no target, or as [`Tracking::step`].
@@ -110,13 +110,13 @@ impl Tracks {
         Ok(json!({ "targets": self.all.iter_mut().map(answer).collect::<Vec<_>>() }))
     }
 
-    /// Particles, glimpse and gazes of a frame (from 1).
+    /// Returns particles, glimpse and gazes of a frame (from 1).
     pub(crate) fn detail(&self, target: usize, frame: usize) -> Value {
         let detail = self.get(target).ok().and_then(|tracking| tracking.detail(frame.saturating_sub(1)));
         json!({ "detail": parsed(detail) })
     }
 
-    /// Gives a box by hand in a frame (from 0) that was tracked.
+    /// Sets a box by hand in a tracked frame (from 0).
     ///
     /// # Errors
     /// There is no such target, or as [`Tracking::correct`].
@@ -126,7 +126,7 @@ impl Tracks {
         Ok(json!({ "rows": tracking.take_rows().pop().into_iter().collect::<Vec<_>>(), "ended": false }))
     }
 
-    /// The commands that give these tracks of a video, a line a target.
+    /// Returns the commands that reproduce these tracks of a video, one line per target.
     ///
     /// # Errors
     /// There is no target.
@@ -135,7 +135,7 @@ impl Tracks {
         Ok((0..self.all.len()).filter_map(|target| self.line(target, video).ok()).collect::<Vec<_>>().join("\n"))
     }
 
-    /// The command that gives one target's track.
+    /// Returns the command that reproduces one target's track.
     ///
     /// # Errors
     /// There is no such target.

@@ -1,4 +1,4 @@
-//! The browser as a host of the page: its files by number, frames that it decoded, and the digit scenes.
+//! The browser as the host of the page: files by number, frames decoded by the browser, and the digit scenes.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -19,7 +19,7 @@ use crate::lesson::{Lesson, Scene, rgba};
 use crate::open::Open;
 use crate::store::{Given, Store, Video};
 
-/// Frames a second that pictures are shown at.
+/// Frame rate of a sequence of pictures, frames per second.
 const PICTURES: f64 = 30.0;
 
 /// A message that only this page sends.
@@ -28,15 +28,15 @@ const PICTURES: f64 = 30.0;
 enum Own {
     /// Opens a video file, or pictures in order; `truth` is a file of true boxes.
     Open { name: String, files: Vec<Given>, truth: Option<Given> },
-    /// Asks for the samples of H.264 in MP4, which a decoder of the browser needs.
+    /// Requests the samples of H.264 in MP4 for a decoder of the browser.
     Coded { session: u64 },
-    /// Draws a digit scene and starts to track in it.
+    /// Draws a digit scene and starts tracking in it.
     Lesson { scene: Scene, policy: String },
-    /// Tracks its next frame.
+    /// Tracks the scene's next frame.
     LessonStep {},
 }
 
-/// All that the page's messages are about.
+/// The state of the page.
 pub struct App {
     page: Page<Browser>,
 }
@@ -51,13 +51,13 @@ impl Host for Browser {
     type Video = Open;
     const TEXTS: &[&str] = &FILES;
 
-    /// WebAssembly has no clock; the worker counts the time itself.
+    /// WebAssembly has no clock; the worker measures the time.
     fn now() -> Duration {
         Duration::ZERO
     }
 
     fn hello(&self) -> Result<Value> {
-        // Those that need learned weights are not in this build.
+        // This build excludes configurations with learned weights.
         let configs = offered(|config| config.check(&Nowhere).is_ok());
         Ok(json!({ "pick": false, "roots": [], "configs": configs, "config": "natural", "policy": null }))
     }
@@ -73,12 +73,12 @@ impl Host for Browser {
 }
 
 impl App {
-    /// With files of this kind.
+    /// Creates the app with this file store.
     pub fn new(store: Arc<dyn Store>) -> Self {
         Self { page: Page::new(Browser { store, lesson: Mutex::new(None) }) }
     }
 
-    /// Answers a message, both JSON; of what cannot be done, `{"error": why}`.
+    /// Answers a message, both in JSON; returns `{"error": why}` for a request that cannot be fulfilled.
     pub fn ask(&mut self, message: &str) -> String {
         let answer =
             read(message.as_bytes(), &["open", "coded", "lesson", "lesson_step"]).and_then(|asked| match asked {
@@ -88,8 +88,8 @@ impl App {
         answer.unwrap_or_else(|error| json!({ "error": error.to_string() })).to_string()
     }
 
-    /// The pixels of a frame (from 1) of a session, or of the digit scene (session 0): red, green, blue, alpha. `None` where
-    /// there is no such frame.
+    /// Returns the pixels of a frame (from 1) of a session, or of the digit scene (session 0): red, green, blue, alpha. `None` if there is
+    /// no such frame.
     pub fn picture(&mut self, session: u64, frame: usize) -> Option<Vec<u8>> {
         let index = frame.checked_sub(1)?;
         if session == 0 {
@@ -99,8 +99,8 @@ impl App {
         Some(rgba(&frame.image))
     }
 
-    /// Takes the next frame of a camera: its pixels as [`App::picture`] has them, its time in seconds, and how many before it
-    /// never came. Answers its number, from 1; `None` where it does not fit.
+    /// Adds the next frame of a camera: its pixels as in [`App::picture`], its time in seconds, and the number of frames before it that
+    /// never arrived. Returns its number from 1; `None` if it does not fit.
     pub fn push(&mut self, session: u64, rgba: &[u8], time: f64, missed: u64) -> Option<usize> {
         let push = |session: &mut Session<Browser>| {
             let size = (session.info.width, session.info.height);
@@ -109,7 +109,7 @@ impl App {
         self.page.with(session, push).ok()
     }
 
-    /// Takes the planes of a frame (from 1) that the browser decoded, its width and height as coded; whether they fit.
+    /// Adds the planes of a frame (from 1) that the browser decoded, with its coded width and height. Returns whether they fit.
     pub fn decoded(&mut self, session: u64, frame: usize, size: (usize, usize), planes: Planes, bytes: &[u8]) -> bool {
         let decoded = |session: &mut Session<Browser>| match (&session.source, frame.checked_sub(1)) {
             (Source::Video(video), Some(place)) => video.decoded(place, size, planes, bytes, &session.info),
@@ -118,7 +118,7 @@ impl App {
         self.page.with(session, decoded).is_ok()
     }
 
-    /// A piece of a saved file, from 0; `None` after the last one, or where there is none of that name.
+    /// Returns a piece of a saved file, from 0; `None` after the last one, or if there is no such file.
     pub fn file(&self, session: u64, name: &str, piece: usize) -> Option<Vec<u8>> {
         let file = |session: &mut Session<Browser>| {
             let made = || match session.made(name).filter(|_| piece == 0) {
@@ -165,7 +165,7 @@ impl App {
         }
     }
 
-    /// The boxes of a file of the page.
+    /// Reads the boxes of a file of the page.
     fn truth(&self, file: &Given) -> Result<Vec<Option<BBox>>> {
         let path = Path::new(&file.name);
         let size = file.size.min(TEXT);

@@ -1,5 +1,5 @@
-//! What the page calls. Bytes go through two buffers: the page writes into what [`input`] gives, and reads from what
-//! [`output`] gives. Nothing here is unsafe but the names, which the linker must not change.
+//! The functions called by the page. Bytes pass through two buffers: the page writes to [`input`] and reads from [`output`]. Only the
+//! names, which the linker must not change, are unsafe here.
 
 use std::io::{Error, ErrorKind, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -10,7 +10,7 @@ use crate::{App, Store};
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
-    /// Reads `length` bytes of a file from a place on into memory; answers how many, or −1.
+    /// Reads `length` bytes of a file at a position into memory; returns the number of bytes, or −1.
     safe fn read_file(file: u32, at: f64, to: *mut u8, length: usize) -> i32;
 }
 
@@ -31,7 +31,7 @@ struct Binding {
     output: Vec<u8>,
 }
 
-/// A page has one tracker, as it has one memory.
+/// A page has one tracker, because it has one memory.
 static BINDING: Mutex<Binding> = Mutex::new(Binding { app: None, input: vec![], output: vec![] });
 
 fn binding() -> MutexGuard<'static, Binding> {
@@ -51,7 +51,7 @@ fn answer(work: impl FnOnce(&mut App, &[u8]) -> Option<Vec<u8>>) -> i32 {
     }
 }
 
-/// A place for so many bytes.
+/// Returns the address of an input buffer with this length.
 #[unsafe(no_mangle)]
 pub extern "C" fn input(length: usize) -> *mut u8 {
     let mut binding = binding();
@@ -60,25 +60,25 @@ pub extern "C" fn input(length: usize) -> *mut u8 {
     binding.input.as_mut_ptr()
 }
 
-/// Where the last answer lies.
+/// Returns the address of the last answer.
 #[unsafe(no_mangle)]
 pub extern "C" fn output() -> *const u8 {
     binding().output.as_ptr()
 }
 
-/// Answers the message in the input by so many bytes of output.
+/// Answers the message in the input; returns the number of output bytes.
 #[unsafe(no_mangle)]
 pub extern "C" fn ask() -> i32 {
     answer(|app, input| Some(app.ask(&String::from_utf8_lossy(input)).into_bytes()))
 }
 
-/// The pixels of a frame (from 1) as red, green, blue, alpha; −1 where there are none.
+/// Writes the pixels of a frame (from 1) as red, green, blue, alpha; returns −1 if there are none.
 #[unsafe(no_mangle)]
 pub extern "C" fn picture(session: f64, frame: usize) -> i32 {
     answer(|app, _| app.picture(session as u64, frame))
 }
 
-/// Takes the pixels in the input as the next frame; answers its number from 1, or −1.
+/// Adds the pixels in the input as the next frame; returns its number from 1, or −1.
 #[unsafe(no_mangle)]
 pub extern "C" fn push(session: f64, time: f64, missed: f64) -> i32 {
     let mut number = -1;
@@ -89,7 +89,7 @@ pub extern "C" fn push(session: f64, time: f64, missed: f64) -> i32 {
     number
 }
 
-/// Takes the planes in the input as a frame (from 1) that the browser decoded: I420, or NV12; 1, or 0 where they do not fit.
+/// Adds the planes in the input as a frame (from 1) that the browser decoded: I420 or NV12. Returns 1, or 0 if they do not fit.
 #[unsafe(no_mangle)]
 pub extern "C" fn decoded(session: f64, frame: usize, width: usize, height: usize, nv12: i32) -> i32 {
     let (mut fits, planes) = (false, if nv12 == 0 { Planes::I420 } else { Planes::Nv12 });
@@ -100,7 +100,7 @@ pub extern "C" fn decoded(session: f64, frame: usize, width: usize, height: usiz
     i32::from(fits)
 }
 
-/// A piece, from 0, of a saved file whose name is in the input; −1 after the last one.
+/// Writes a piece, from 0, of a saved file named in the input; returns −1 after the last one.
 #[unsafe(no_mangle)]
 pub extern "C" fn file(session: f64, piece: usize) -> i32 {
     answer(|app, input| app.file(session as u64, &String::from_utf8_lossy(input), piece))

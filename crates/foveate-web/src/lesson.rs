@@ -1,4 +1,4 @@
-//! The paper's digit scenes as a lesson: a policy of gaze that learns, and beside it a fixed centre and random gazes on the same frames.
+//! The paper's digit scenes as a lesson: a learning gaze policy beside a fixed centre and random gazes on the same frames.
 
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
@@ -15,36 +15,36 @@ use serde_json::{Value, json};
 
 /// Digits of each class to choose from.
 const PER_CLASS: usize = 20;
-/// Frames of a scene, and how many there are a second.
+/// Number of frames of a scene, and frames per second.
 const FRAMES: usize = 300;
 const RATE: f64 = 30.0;
 /// Side of the enlarged digit, pixels.
 const CLOSE: usize = 56;
 
-/// Which scene.
+/// The kind of scene.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Kind {
-    /// A digit among others that stand still (section 6.1).
+    /// A digit among static ones (section 6.1).
     Clutter,
     /// A digit that passes behind bars, seen through a small window (section 6.2).
     Bars,
-    /// The same through a window of 5 x 5 pixels, as `foveate demo` has it.
+    /// The bars scene with a window of 5 x 5 pixels, as in `foveate demo`.
     Glimpse,
     /// A digit twice as large, seen through a window of a quarter of its box.
     CloseUp,
 }
 
-/// Its settings.
+/// The settings of a scene.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Scene {
     kind: Kind,
     /// 0 to 9.
     digit: u8,
-    /// Share of the pixels that noise hits, 0 to 1.
+    /// Fraction of the pixels with noise, 0 to 1.
     noise: f64,
-    /// Other digits; bars; or the side of a black square on the middle of the digit, in 28ths of its box.
+    /// Number of other digits or of bars; or the side of a black square on the centre of the digit, in 28ths of its box.
     hidden: usize,
     seed: u64,
 }
@@ -90,7 +90,7 @@ impl Scene {
         })
     }
 
-    /// The configuration that is made for it.
+    /// Returns the configuration for the scene.
     fn config(&self, policy: &str) -> Result<Config> {
         let name = match (self.kind, policy) {
             (Kind::Clutter, _) => "digits-hedge",
@@ -105,7 +105,7 @@ impl Scene {
     }
 }
 
-/// A scene, and three trackers in it.
+/// A scene, and its three trackers.
 pub(crate) struct Lesson {
     video: Box<dyn Drawn>,
     learning: Tracker,
@@ -114,7 +114,7 @@ pub(crate) struct Lesson {
     cells: Vec<f64>,
     policy: String,
     config: String,
-    /// The frame that was tracked last.
+    /// The last tracked frame.
     frame: Frame,
 }
 
@@ -143,12 +143,12 @@ impl Lesson {
         })
     }
 
-    /// The frame shown.
+    /// Returns the current frame.
     pub(crate) fn picture(&self) -> Vec<u8> {
         rgba(&self.frame.image)
     }
 
-    /// The next frame; `{"ended": true}` after the last.
+    /// Tracks the next frame; returns `{"ended": true}` after the last one.
     pub(crate) fn step(&mut self) -> Result<Value> {
         let index = self.frame.index + 1;
         let Some(truth) = self.video.truth().get(index).copied() else { return Ok(json!({ "ended": true })) };
@@ -171,13 +171,13 @@ impl Lesson {
     }
 }
 
-/// Distance of the centres, pixels.
+/// Returns the distance of the centres, pixels.
 fn error(a: &BBox, b: &BBox) -> f64 {
     let ((ax, ay), (bx, by)) = (a.centre(), b.centre());
     (ax - bx).hypot(ay - by)
 }
 
-/// Red, green, blue and an alpha of 255, pixel by pixel.
+/// Returns red, green, blue and an alpha of 255, pixel by pixel.
 pub(crate) fn rgba(image: &Image) -> Vec<u8> {
     let plane = |p: usize| image.plane(p.min(image.planes() - 1));
     let colours = plane(0).iter().zip(plane(1)).zip(plane(2));

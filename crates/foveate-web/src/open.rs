@@ -1,4 +1,4 @@
-//! A video whose frames the browser decodes ahead of the tracker; our own decoder gives those that it does not.
+//! A video whose frames the browser decodes ahead of the tracker; our own decoder provides the frames that the browser does not decode.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,12 +10,12 @@ use serde_json::{Value, json};
 
 use crate::store::Video;
 
-/// Frames that wait to be tracked in, at most.
+/// Maximum number of decoded frames that wait for the tracker.
 const WAITING: usize = 2;
-/// Frames of a video that the browser may decode, at most: nine hours at 30 a second. Their list is one message.
+/// Maximum number of frames of a video for the browser to decode: nine hours at 30 per second. Their list is one message.
 const MOST_CODED: usize = 1 << 20;
 
-/// What the browser decoded; clones share it.
+/// Frames decoded by the browser; clones share them.
 #[derive(Clone, Default)]
 struct Decoded(Arc<Mutex<VecDeque<Arc<Frame>>>>);
 
@@ -34,7 +34,7 @@ impl Decoded {
     }
 }
 
-/// The frames of a video file, decoded by the browser or by us.
+/// The frames of a video file, decoded by the browser or by our decoder.
 struct Ahead {
     decoded: Decoded,
     player: Player<Video>,
@@ -55,7 +55,7 @@ impl Frames for Ahead {
     }
 }
 
-/// A video that is open.
+/// An open video.
 pub(crate) struct Open {
     video: Video,
     player: Player<Video>,
@@ -68,7 +68,7 @@ impl Open {
         Self { player: Player::new(video.clone()), video, decoded: Decoded::default(), coded: None }
     }
 
-    /// The samples of H.264 in MP4, for a decoder of the browser; `{"codec": null}` of other sources.
+    /// Returns the samples of H.264 in MP4, for a decoder of the browser; `{"codec": null}` for other sources.
     pub(crate) fn coded(&mut self) -> Result<Value> {
         if self.video.pictures.is_some() {
             return Ok(json!({ "codec": null }));
@@ -89,7 +89,7 @@ impl Open {
         }))
     }
 
-    /// Takes the planes of a frame (from 0) that the browser decoded.
+    /// Adds the planes of a frame (from 0) that the browser decoded.
     pub(crate) fn decoded(
         &self,
         place: usize,

@@ -1,4 +1,4 @@
-//! Files of the page, which have numbers, as sources of frames.
+//! The page's numbered files as sources of frames.
 
 use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -11,16 +11,16 @@ use foveate_page::Reopen;
 use foveate_video::{CodedVideo, Frame, FrameSource, SourceInfo, VideoFile, decode_image};
 use serde::Deserialize;
 
-/// Where the bytes of files are.
+/// A store of files.
 pub trait Store: Send + Sync {
-    /// Reads some bytes of a file from a place on, one at least where it does not end there, and says how many.
+    /// Reads bytes of a file at a position, at least one unless the file ends there. Returns their number.
     ///
     /// # Errors
     /// The file cannot be read.
     fn read(&self, file: u32, at: u64, to: &mut [u8]) -> Result<usize>;
 }
 
-/// Files of the system, numbered from 0.
+/// Files of the file system, numbered from 0.
 pub struct Paths(pub Vec<PathBuf>);
 
 impl Store for Paths {
@@ -32,7 +32,7 @@ impl Store for Paths {
     }
 }
 
-/// A file that the page has.
+/// A file of the page.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Given {
@@ -74,12 +74,12 @@ impl Seek for Open {
     }
 }
 
-/// A video file, or pictures in a row.
+/// A video file, or a sequence of pictures.
 #[derive(Clone)]
 pub(crate) struct Video {
     pub store: Arc<dyn Store>,
     pub files: Vec<Given>,
-    /// Frames a second, where they are pictures.
+    /// Frame rate of a sequence of pictures, frames per second.
     pub pictures: Option<f64>,
 }
 
@@ -88,7 +88,7 @@ impl Video {
         Open { store: Arc::clone(&self.store), file: file.clone(), at: 0 }
     }
 
-    /// The file as it is coded, where it is H.264 in MP4.
+    /// Returns the coded file, if it is H.264 in MP4.
     pub(crate) fn coded(&self) -> foveate_base::Result<CodedVideo> {
         let file = self.files.first().ok_or_else(|| Problem::Invalid("expected a video file".into()))?;
         CodedVideo::open(&file.name, self.open(file), file.size)
@@ -112,7 +112,7 @@ impl Reopen for Video {
     }
 }
 
-/// Pictures as frames, all of the first one's size and kind.
+/// Pictures as frames, all with the size and kind of the first one.
 struct Pictures {
     files: Vec<Open>,
     next: usize,
