@@ -1,28 +1,28 @@
-//! What makes a sequence hard, by the names that OTB and UAV123 use: attributes, read off the true boxes or given by eye.
+//! Attributes of sequences that make tracking hard, with the names of OTB and UAV123: computed from the true boxes or labelled by eye.
 //!
-//! A sequence has a computed attribute where its rule holds in at least one frame of [`ONE_IN`].
+//! A sequence has a computed attribute if its rule holds in at least one frame of [`ONE_IN`].
 
 use foveate_core::geometry::BBox;
 
-/// The rule of a computed attribute must hold in one frame of so many.
+/// The rule of a computed attribute must hold in at least one of this many frames.
 pub const ONE_IN: usize = 50;
-/// Fast motion: the centre moves further than this in a frame, pixels,
+/// Fast motion: the centre moves farther than this in one frame, pixels,
 pub const FAST_PIXELS: f64 = 20.0;
-/// or further than this share of the box's side (the square root of its area).
+/// or farther than this fraction of the box's side (the square root of its area).
 pub const FAST_SHARE: f64 = 0.5;
 /// Scale change: the area relative to frame 1 is above this, or below its inverse.
 pub const SCALE: f64 = 2.0;
 /// Aspect change: width / height relative to frame 1 is above this, or below its inverse.
 pub const ASPECT: f64 = 1.5;
-/// Low resolution: the box has a smaller area than this, square pixels.
+/// Low resolution: the area of the box is smaller than this, square pixels.
 pub const SMALL: f64 = 400.0;
 
-/// What makes a sequence hard.
+/// A property that makes a sequence hard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Attribute {
-    /// The target is not rigid, and its shape changes much.
+    /// The target is not rigid, and its shape changes significantly.
     Deformation,
-    /// Something else covers a part of the target, or all of it.
+    /// Another object covers a part of the target, or all of it.
     Occlusion,
     /// Computed: [`FAST_PIXELS`], [`FAST_SHARE`].
     FastMotion,
@@ -30,9 +30,9 @@ pub enum Attribute {
     ScaleChange,
     /// Computed: [`ASPECT`].
     AspectChange,
-    /// The target turns, in the plane of the picture or out of it.
+    /// The target rotates, in the plane of the picture or out of it.
     Rotation,
-    /// Target or picture are blurred by motion.
+    /// Motion blurs the target or the picture.
     Blur,
     /// Computed: [`SMALL`].
     LowResolution,
@@ -43,7 +43,7 @@ pub enum Attribute {
 }
 
 impl Attribute {
-    /// All of them, in the order of tables.
+    /// All attributes, in the order of tables.
     pub const ALL: [Self; 10] = [
         Self::Deformation,
         Self::Occlusion,
@@ -57,7 +57,7 @@ impl Attribute {
         Self::CameraMotion,
     ];
 
-    /// Its name in tables and lists.
+    /// Returns the name in tables and lists.
     pub fn name(self) -> &'static str {
         match self {
             Self::Deformation => "deformation",
@@ -73,14 +73,14 @@ impl Attribute {
         }
     }
 
-    /// Whether the true boxes tell it.
+    /// Returns whether the attribute is computed from the true boxes.
     pub fn is_computed(self) -> bool {
         matches!(self, Self::FastMotion | Self::ScaleChange | Self::AspectChange | Self::LowResolution)
     }
 }
 
-/// The attributes that the true boxes tell. Frames whose truth is absent or has no area count nowhere, and motion is that
-/// between two neighbouring frames.
+/// Computes the attributes of the true boxes. Frames with absent truth or a truth without area do not count; motion is measured between
+/// adjacent frames.
 pub fn computed(truth: &[Option<BBox>]) -> Vec<Attribute> {
     let seen = |b: &Option<BBox>| b.filter(|b| b.w > 0.0 && b.h > 0.0);
     let boxes: Vec<BBox> = truth.iter().filter_map(seen).collect();
@@ -108,7 +108,7 @@ pub fn computed(truth: &[Option<BBox>]) -> Vec<Attribute> {
 mod tests {
     use super::*;
 
-    /// With this centre.
+    /// Returns a box with its centre at `x`.
     fn at(x: f64, w: f64, h: f64) -> Option<BBox> {
         Some(BBox { x: x - 0.5 * w, y: -0.5 * h, w, h })
     }
@@ -117,7 +117,7 @@ mod tests {
     fn rules_on_made_up_boxes() {
         let still = vec![at(0.0, 100.0, 100.0); 100];
         assert_eq!(computed(&still), []);
-        // A frame of 100 is not enough, two are.
+        // One frame of 100 is not enough, two are.
         let with = |change: &[(usize, Option<BBox>)]| {
             let mut truth = still.clone();
             change.iter().for_each(|(i, b)| truth[*i] = *b);
@@ -127,7 +127,7 @@ mod tests {
         assert_eq!(with(&[(50, large)]), []);
         assert_eq!(with(&[(50, large), (51, large)]), [Attribute::ScaleChange]);
         assert_eq!(with(&[(50, tall), (51, tall)]), [Attribute::AspectChange], "0.64 is below 1 / 1.5");
-        // 21 px there and back are two motions of 99; with the frame between unseen there is none.
+        // A motion of 21 px there and back counts as two motions of 99; if the truth of the frame between is absent, there is none.
         assert_eq!(with(&[(50, at(21.0, 100.0, 100.0))]), [Attribute::FastMotion]);
         assert_eq!(with(&[(50, at(19.0, 100.0, 100.0))]), []);
         assert_eq!(with(&[(49, None), (50, at(21.0, 100.0, 100.0)), (51, None)]), []);

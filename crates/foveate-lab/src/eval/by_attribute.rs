@@ -1,5 +1,4 @@
-//! Trackers by attribute of the sequences, and the first tracker against each of the others: who won where, and the worst
-//! difference.
+//! Trackers by attribute of the sequences, and the first tracker against each of the others: wins, losses, and the worst difference.
 
 use std::collections::BTreeSet;
 
@@ -11,12 +10,12 @@ use super::table::aligned;
 use super::{Evaluation, Score, Sequence, catalogue};
 use foveate_report::escape;
 
-/// The mean figures of trackers over some sequences.
+/// The mean scores of trackers over some sequences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// What the sequences have in common: an attribute, or a half.
+    /// The common property of the sequences: an attribute, or a half.
     pub name: String,
-    /// Their names; those alone that every tracker has a result for.
+    /// The names of the sequences for which every tracker has a result.
     pub sequences: Vec<String>,
     /// Each tracker's mean, in the order of the evaluations.
     pub means: Vec<Score>,
@@ -25,22 +24,22 @@ pub struct Group {
 /// The first tracker against another, by AUC, on the sequences that both have.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Against {
-    /// The other one.
+    /// The other tracker.
     pub tracker: String,
-    /// Sequences that both have.
+    /// Number of sequences with results of both.
     pub sequences: usize,
-    /// Of these, sequences on which the first one has the greater AUC.
+    /// Number of these sequences on which the first tracker has the greater AUC.
     pub won: usize,
-    /// Of these, sequences on which it has the smaller AUC.
+    /// Number of these sequences on which the first tracker has the smaller AUC.
     pub lost: usize,
-    /// The sequence on which it compares worst.
+    /// The sequence with the worst difference.
     pub worst: String,
-    /// Its AUC there less that of the other, −1 to 1.
+    /// The first tracker's AUC there minus the other's, −1 to 1.
     pub worst_difference: f64,
 }
 
-/// The groups of sequences by attribute, in the order of [`Attribute::ALL`], then, of sequences whose halves are listed
-/// ([`catalogue`]), both halves; those that are empty are left out.
+/// Groups the sequences by attribute, in the order of [`Attribute::ALL`], then sequences with listed halves ([`catalogue`]) by half. Empty
+/// groups are left out.
 pub fn groups(sequences: &[Sequence], evaluations: &[Evaluation]) -> Vec<Group> {
     let known: Vec<(&Sequence, Vec<Attribute>)> = (sequences.iter())
         .filter(|s| evaluations.iter().all(|e| e.rows.iter().any(|row| row.sequence == s.name)))
@@ -64,7 +63,7 @@ pub fn groups(sequences: &[Sequence], evaluations: &[Evaluation]) -> Vec<Group> 
     by_attribute.into_iter().chain(by_half).flatten().collect()
 }
 
-/// The first tracker against each of the others that shares a sequence with it.
+/// Compares the first tracker with each other tracker that shares a sequence with it.
 pub fn against(evaluations: &[Evaluation]) -> Vec<Against> {
     let [ours, others @ ..] = evaluations else { return vec![] };
     let names: BTreeSet<&str> = ours.rows.iter().map(|row| row.sequence.as_str()).collect();
@@ -101,20 +100,20 @@ fn sentence(a: &Against) -> String {
     format!("won against {}: {won} of {of}; worst difference: {worst} {by:+.2}", a.tracker)
 }
 
-/// What the rows of halves are, where there are some.
+/// Returns the explanation of the rows of halves, if there are any.
 fn legend(groups: &[Group]) -> Option<&'static str> {
     let halves = groups.iter().any(|g| g.name.starts_with("half "));
     halves.then_some("Halves: --choose chooses settings on one half of the sequences and judges them on the other.")
 }
 
-/// As lines of text: the table by attribute, then a line for each other tracker. Nothing without a group.
+/// Formats the groups as text: the table by attribute, then a line for each other tracker. Empty without a group.
 pub fn text(groups: &[Group], evaluations: &[Evaluation]) -> String {
     let mut table = if groups.is_empty() { String::new() } else { aligned(&lines(groups, evaluations)) + "\n" };
     table += legend(groups).map(|legend| format!("{legend}\n\n")).as_deref().unwrap_or_default();
     against(evaluations).iter().fold(table, |text, a| text + &sentence(a) + "\n")
 }
 
-/// The same for `report.html`.
+/// Formats the groups as HTML for `report.html`.
 pub fn html(groups: &[Group], evaluations: &[Evaluation]) -> String {
     let row = |(i, cells): (usize, &Vec<String>)| {
         let tag = if i == 0 { "th" } else { "td" };
@@ -128,7 +127,7 @@ pub fn html(groups: &[Group], evaluations: &[Evaluation]) -> String {
     if groups.is_empty() { said } else { table + &said }
 }
 
-/// The same as JSON: what `scores.json` has as `attributes`, `against` and, for each sequence, `sources`.
+/// Returns the groups as JSON: `attributes`, `against` and, for each sequence, `sources` in `scores.json`.
 pub fn json(sequences: &[Sequence], groups: &[Group], evaluations: &[Evaluation]) -> [(&'static str, Value); 3] {
     let group = |g: &Group| {
         let figures = |(e, s): (&Evaluation, &Score)| json!({ "tracker": e.tracker, "auc": s.auc, "p20": s.p20, "failure_pct": s.failure_pct });
@@ -153,7 +152,7 @@ mod tests {
     use crate::eval::{Curves, Row, score};
     use foveate_core::geometry::BBox;
 
-    /// Two frames; the second box is `off` pixels aside of a box ten wide, so its IoU is (10 − off) / (10 + off).
+    /// Two frames; the second box is `off` pixels beside a box ten wide, so its IoU is (10 − off) / (10 + off).
     fn row(sequence: &str, off: f64) -> Row {
         let at = |x| Some(BBox { x, y: 0.0, w: 10.0, h: 10.0 });
         let (score, curves): (_, Curves) = score(&[at(0.0), at(off)], &[at(0.0), at(0.0)]).expect("two frames");
@@ -188,7 +187,7 @@ mod tests {
     #[test]
     fn attributes_and_wins_by_hand() {
         let sequences = ["Biker", "Bolt2", "FaceOcc1", "Woman"].map(sequence);
-        // Ours: always right but on FaceOcc1; theirs always wrong, but there; no result for Woman.
+        // Ours: always right except on FaceOcc1. Theirs: always wrong except there, with no result for Woman.
         let all = [
             tracker("ours", &[("Biker", 0.0), ("Bolt2", 0.0), ("FaceOcc1", 10.0), ("Woman", 0.0)]),
             tracker("theirs", &[("Biker", 20.0), ("Bolt2", 0.0), ("FaceOcc1", 0.0)]),
@@ -204,7 +203,7 @@ mod tests {
         assert_eq!((b.sequences.len(), b.means[1].failure_pct), (2, 25.0));
 
         let wins = against(&all);
-        // A wrong second frame costs the 20 thresholds that a right one passes: 20/42 of AUC.
+        // A wrong second frame loses the 20 thresholds that a right one passes: 20/42 of AUC.
         let [one] = &wins[..] else { panic!("one other: {wins:?}") };
         assert_eq!((one.sequences, one.won, one.lost, one.worst.as_str()), (3, 1, 1, "FaceOcc1"));
         assert!((one.worst_difference + 20.0 / 42.0).abs() < 1e-12);

@@ -1,5 +1,5 @@
-//! Runs shown beside the truth, sequence by sequence: overlap over time, P(lost) and status below it, and pictures at
-//! regular intervals and of the worst frame. One page, `report.html`, the hardest sequence first.
+//! Runs beside the truth, sequence by sequence: overlap over time, P(lost) and status below it, and pictures at regular intervals and of
+//! the worst frame. They form one page, `report.html`, with the hardest sequence first.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -19,37 +19,37 @@ use foveate_core::scene::Image;
 use foveate_report::{Observer, Strip, card, document, drawing, escape};
 use foveate_video::{encode_jpeg, open};
 
-/// Pictures of a sequence at regular intervals; the worst frame comes on top.
+/// Number of pictures of a sequence at regular intervals; the worst frame is added.
 const STILLS: usize = 7;
 /// JPEG quality of the pictures.
 const QUALITY: u8 = 75;
 
-/// A run on a sequence from its first frame on.
+/// A run on a sequence, from its first frame on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// The sequence.
     pub sequence: Sequence,
-    /// The seed it was run with.
+    /// The seed of the run.
     pub seed: u64,
-    /// The box in each frame, 0-based, the first one included.
+    /// The box in each frame, 0-based, including the first.
     pub boxes: Vec<BBox>,
-    /// What was reported in each frame from the second on.
+    /// The reports in each frame from the second on.
     pub judged: Vec<Judged>,
 }
 
 impl Case {
-    /// IoU in each frame; `None` where the target is not visible.
+    /// Returns the IoU in each frame; `None` if the target is not visible.
     fn overlaps(&self) -> Vec<Option<f64>> {
         self.boxes.iter().zip(&self.sequence.truth).map(|(b, truth)| truth.map(|truth| b.iou(&truth))).collect()
     }
 
-    /// The index of the first frame with the least overlap.
+    /// Returns the index of the first frame with the smallest overlap.
     fn worst(&self) -> Option<usize> {
         let known = self.overlaps().into_iter().enumerate().filter_map(|(i, overlap)| Some((i, overlap?)));
         known.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
     }
 
-    /// When the target was lost, and when that was reported, in words. Frames count from 1.
+    /// Describes when the target was lost, and when that was reported. Frames count from 1.
     fn verdict(&self) -> String {
         let (mut at, mut losses) = (2, vec![]);
         for run in self.judged.chunk_by(|a, b| a.lost() == b.lost()) {
@@ -69,7 +69,7 @@ impl Case {
         }
     }
 
-    /// Overlap over P(lost), against frames counted from 1, as SVG text: narrow, so that a phone shows it whole.
+    /// Plots overlap above P(lost), against frames counted from 1, as SVG text; narrow enough for a phone.
     pub fn plot(&self) -> String {
         let line = |points: Vec<(f64, f64)>, colour: &str| -> Plot {
             LinePlot::new().with_data(points).with_color(colour).with_stroke_width(1.8).into()
@@ -113,7 +113,7 @@ impl Case {
         SvgBackend::default().render_scene(&figure.render())
     }
 
-    /// Pictures with the true and the found box, by index of the frame: at regular intervals, and the worst one.
+    /// Returns pictures with the true and the estimated box, by index of the frame: at regular intervals, and the worst one.
     ///
     /// # Errors
     /// The sequence cannot be read again.
@@ -160,7 +160,7 @@ impl Case {
     }
 }
 
-/// Okabe and Ito's orange, vermilion and green; nothing while all is well.
+/// Returns Okabe and Ito's orange, vermilion or green; `None` while tracking.
 fn colour(status: Status) -> Option<&'static str> {
     match status {
         Status::Tracking => None,
@@ -170,7 +170,7 @@ fn colour(status: Status) -> Option<&'static str> {
     }
 }
 
-/// How the boxes of the pictures and the shades of the charts are to be read.
+/// The legend of the boxes and of the charts' shading.
 const KEY: &str = "\
 <p>Boxes: <i class=\"key\" style=\"background:#3fd19b\"></i>true, <i class=\"key\" style=\"background:#39b6ff\"></i>found.
 The shade behind P(lost) is the status: <i class=\"key\" style=\"background:var(--gaze)\"></i>occluded, \
@@ -178,11 +178,11 @@ The shade behind P(lost) is the status: <i class=\"key\" style=\"background:var(
 The line across the overlap is an IoU of 0.1: below it the target is lost.</p>
 ";
 
-/// The page of these runs, with the best of `others` named beside each; above them charts over all of them (what each shows, SVG
-/// text), and a table by attribute, below them what was run (both HTML).
+/// Returns the page of these runs, each beside the best of `others`. Above the runs: charts over all of them (description and SVG text),
+/// and a table by attribute (HTML). Below: the description of the evaluation (HTML).
 ///
 /// # Errors
-/// A sequence cannot be read again, or a run has not one box a frame.
+/// A sequence cannot be read again, or a run does not have one box per frame.
 pub fn page(
     cases: &[Case],
     others: &[Evaluation],

@@ -1,7 +1,7 @@
-//! Which sequence belongs to which half, is of which source, and has which attributes.
+//! The half, the source and the attributes of each sequence.
 //!
-//! Settings are chosen on one half and judged on the other; that says something only where no source is in both. The halves
-//! of known sequences are a list, `catalogue.csv`, with its rule; every other sequence has a half by a hash of its source.
+//! Settings are chosen on one half and tested on the other; the test is valid only if no source is in both. `catalogue.csv` lists the
+//! halves of known sequences, with its rule; the half of any other sequence is a hash of its source.
 
 use std::sync::LazyLock;
 
@@ -21,13 +21,13 @@ pub enum Half {
 }
 
 impl Half {
-    /// Both.
+    /// Both halves.
     pub const BOTH: [Self; 2] = [Self::A, Self::B];
-    /// The one that this one is not.
+    /// Returns the other half.
     pub fn other(self) -> Self {
         if self == Self::A { Self::B } else { Self::A }
     }
-    /// Its letter, small.
+    /// Returns its letter, lower case.
     pub fn name(self) -> &'static str {
         if self == Self::A { "a" } else { "b" }
     }
@@ -59,26 +59,26 @@ fn entry(line: &'static str) -> Option<Entry> {
     Some(Entry { sequence, source, half, labels })
 }
 
-/// The entry of a sequence, or of the one that begins at one of its frames (`-from-120`: bench/variants.py).
+/// Returns the entry of a sequence, or of the sequence that it is a part of (`-from-120`: bench/variants.py).
 fn listed(sequence: &str) -> Option<&'static Entry> {
     let named = |name: &str| LIST.iter().find(|entry| entry.sequence == name);
     let later = || sequence.rsplit_once("-from-").filter(|(_, frame)| frame.bytes().all(|c| c.is_ascii_digit()));
     named(sequence).or_else(|| named(later()?.0))
 }
 
-/// The source video or series of a sequence. Sequences that are not listed: the name, without the `-2` of a second target.
+/// Returns the source video or series of a sequence. For a sequence that is not listed: its name, without the `-2` of a second target.
 pub fn source(sequence: &str) -> &str {
     let target = |(video, n): (_, &str)| (!n.is_empty() && n.bytes().all(|c| c.is_ascii_digit())).then_some(video);
     let unlisted = || sequence.rsplit_once('-').and_then(target).unwrap_or(sequence);
     listed(sequence).map_or_else(unlisted, |entry| entry.source)
 }
 
-/// Whether a sequence is one of the list: halves of others mean something to `foveate eval --choose` alone.
+/// Returns whether a sequence is listed: the halves of other sequences matter only to `foveate eval --choose`.
 pub fn is_listed(sequence: &str) -> bool {
     listed(sequence).is_some()
 }
 
-/// The half of a sequence: that of the list, or else by a hash of its source (FNV-1a; the parity of its bits).
+/// Returns the half of a sequence: the listed one, or else one from a hash of its source (FNV-1a; the parity of its bits).
 pub fn half(sequence: &str) -> Half {
     let hash = |name: &str| {
         name.bytes().fold(0xcbf2_9ce4_8422_2325u64, |h, byte| (h ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
@@ -87,7 +87,7 @@ pub fn half(sequence: &str) -> Half {
     listed(sequence).map_or_else(unlisted, |entry| entry.half)
 }
 
-/// The attributes of a sequence, in the order of tables: the labels of the list, and what its true boxes tell.
+/// Returns the attributes of a sequence, in the order of tables: the listed labels, and those computed from its true boxes.
 pub fn attributes(sequence: &Sequence) -> Vec<Attribute> {
     let mut found = computed(&sequence.truth);
     found.extend(listed(&sequence.name).iter().flat_map(|entry| &entry.labels));
@@ -115,7 +115,7 @@ mod tests {
         }
     }
 
-    /// The rule that the list states, applied again.
+    /// Applies the rule stated in the list again.
     #[test]
     fn sources_are_dealt_by_difficulty() {
         let mut sources: BTreeMap<&str, Vec<f64>> = BTreeMap::new();

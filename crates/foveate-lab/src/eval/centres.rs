@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::metrics::mean_sd;
 use foveate_base::{Error, Result};
 
-/// Frames at the end of a video, and the mean error in pixels over them above which it ends off the target.
+/// Number of frames at the end of a video, and the mean error in pixels over them above which it ends off the target.
 const END: (usize, f64) = (20, 15.0);
 
 /// Centre errors of one video, pixels.
@@ -17,12 +17,12 @@ pub struct CentreScore {
     pub median: f64,
     /// Standard deviation over time (n in the denominator): the brackets of the paper's first table.
     pub sd: f64,
-    /// The mean of the last 20 frames is above 15 pixels.
+    /// Whether the mean of the last 20 frames is above 15 pixels.
     pub off_at_end: bool,
 }
 
-/// Scores the estimated centres of a video against the true ones, frame by frame, in pixels.
-/// The authors leave out frame 1, which is given: pass the frames from 2 on to do as they do.
+/// Scores the estimated centres of a video against the true ones, frame by frame, in pixels. The authors leave out frame 1, whose box is
+/// given: pass the frames from 2 on to do the same.
 ///
 /// # Errors
 /// The lengths differ, or there is no frame.
@@ -38,7 +38,7 @@ pub fn score_centres(estimates: &[(f64, f64)], truth: &[(f64, f64)]) -> Result<C
     Ok(CentreScore { mean, median: median(&errors), sd, off_at_end: end > END.1 })
 }
 
-/// The middle value, or the mean of the two in the middle. Panics without a value.
+/// Returns the middle value, or the mean of the two in the middle. Panics without a value.
 fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

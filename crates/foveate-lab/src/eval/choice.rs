@@ -1,8 +1,8 @@
-//! Settings chosen on some sequences and judged on others.
+//! Settings chosen on some sequences and tested on others.
 //!
-//! A figure on the sequences that settings were chosen on is too good. Here each sequence is judged with the candidate that
-//! was best *without* its group of sequences: without its half (two-fold cross-validation), or without its source (leave one
-//! source out). Best is the greatest mean AUC, every sequence counting alike; of equals the first.
+//! A score on the sequences that settings were chosen on is biased. Here each sequence is tested with the candidate that was best *without*
+//! its group of sequences: without its half (two-fold cross-validation), or without its source (leave one source out). The best candidate
+//! has the greatest mean AUC, with equal weight for every sequence; ties go to the first.
 
 use serde::Serialize;
 
@@ -32,7 +32,7 @@ pub struct Trials {
     sequences: Vec<String>,
     /// The candidates' names.
     candidates: Vec<String>,
-    /// Of each candidate, a score for each sequence: the mean over seeds.
+    /// For each candidate, a score per sequence: the mean over seeds.
     scores: Vec<Vec<Score>>,
 }
 
@@ -43,42 +43,42 @@ pub struct Chosen {
     pub left_out: String,
     /// The candidate that was best on the others.
     pub candidate: String,
-    /// Its figures on what it was chosen on.
+    /// Its scores on the sequences that it was chosen on.
     pub there: Figures,
-    /// Its figures on what was left out.
+    /// Its scores on the left-out sequences.
     pub left: Figures,
 }
 
-/// Every sequence judged with the candidate that was chosen without it.
+/// Test scores of every sequence with the candidate that was chosen without it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judgement {
-    /// The choices, by what was left out.
+    /// The choices, by left-out group.
     pub choices: Vec<Chosen>,
     /// Means over all sequences.
     pub mean: Figures,
-    /// The index of the candidate that judged each sequence.
+    /// The index of the candidate tested on each sequence.
     #[serde(skip)]
     pub with: Vec<usize>,
 }
 
-/// What the sequences that share a half or a source have in common.
+/// Returns the half or the source of a sequence.
 pub type GroupOf = fn(&str) -> &str;
 
-/// The half of a sequence, `a` or `b`.
+/// Returns the half of a sequence, `a` or `b`.
 pub fn by_half(sequence: &str) -> &str {
     catalogue::half(sequence).name()
 }
 
-/// The source of a sequence.
+/// Returns the source of a sequence.
 pub fn by_source(sequence: &str) -> &str {
     catalogue::source(sequence)
 }
 
 impl Trials {
-    /// Of evaluations, one a candidate, named by it.
+    /// Creates trials from evaluations, one per candidate, named after it.
     ///
     /// # Panics
-    /// If there is none, or one has not every sequence.
+    /// If there is none, or one does not have every sequence.
     pub fn of(evaluations: &[Evaluation]) -> Self {
         let first = evaluations.first().expect("a candidate at least");
         let mut sequences: Vec<String> = first.rows.iter().map(|row| row.sequence.clone()).collect();
@@ -91,25 +91,24 @@ impl Trials {
         Self { candidates: evaluations.iter().map(|e| e.tracker.clone()).collect(), sequences, scores }
     }
 
-    /// The names of the sequences.
+    /// Returns the names of the sequences.
     pub fn sequences(&self) -> &[String] {
         &self.sequences
     }
 
-    /// A candidate's means over the sequences of which `such` is true; `None` without one.
+    /// Returns a candidate's means over the sequences that satisfy `such`; `None` without one.
     pub fn figures(&self, candidate: usize, such: &dyn Fn(&str) -> bool) -> Option<Figures> {
         let scores = self.sequences.iter().zip(&self.scores[candidate]);
         Figures::mean(scores.filter(|(name, _)| such(name)).map(|(_, score)| score))
     }
 
-    /// The candidate with the greatest mean AUC over such sequences, the first of equals, and its figures there.
+    /// Returns the candidate with the greatest mean AUC over such sequences, the first of equals, and its scores there.
     pub fn best(&self, such: &dyn Fn(&str) -> bool) -> Option<(usize, Figures)> {
         let each = (0..self.candidates.len()).filter_map(|i| Some((i, self.figures(i, such)?)));
         each.reduce(|best, next| if next.1.auc > best.1.auc { next } else { best })
     }
 
-    /// Judges each sequence with the candidate that is best on the sequences of other groups; `None` with fewer than two
-    /// groups.
+    /// Tests each sequence with the candidate that is best on the sequences of other groups; `None` with fewer than two groups.
     pub fn judge(&self, group: GroupOf) -> Option<Judgement> {
         let mut groups: Vec<&str> = self.sequences.iter().map(|name| group(name)).collect();
         groups.sort();
@@ -170,7 +169,7 @@ pub(super) mod tests {
     #[test]
     fn halves_choose_for_each_other() {
         let trials = Trials::of(&three());
-        // Half a would take x=1, which has 0.3 on b; half b would take x=3, which has nothing on a.
+        // Half a chooses x=1, which has 0.3 on b; half b chooses x=3, which has 0 on a.
         let halves = trials.judge(by_half).expect("two halves");
         let said: Vec<_> = halves.choices.iter().map(|c| (c.left_out.as_str(), c.candidate.as_str())).collect();
         assert_eq!(said, [("a", "x=3"), ("b", "x=1")]);
@@ -183,7 +182,7 @@ pub(super) mod tests {
         near(halves.mean.auc, 0.1);
         near(halves.mean.p20, 0.9);
         near(halves.mean.failure_pct, 90.0);
-        // The plain figure, of equals the first: far above.
+        // The biased score, with ties to the first, is much greater.
         let (best, plain) = trials.best(&|_| true).expect("sequences");
         assert_eq!(best, 0);
         near(plain.auc, 2.6 / 6.0);

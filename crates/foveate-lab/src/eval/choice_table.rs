@@ -7,27 +7,27 @@ use super::Evaluation;
 use super::choice::{Chosen, Figures, Judgement, Trials, by_half, by_source};
 use super::table::aligned;
 
-/// What a choice among candidates gave.
+/// The results of a choice among candidates.
 #[derive(Clone, Debug)]
 pub struct Choice {
-    /// On halves a and b, and on all; a candidate each.
+    /// Scores on halves a and b, and on all sequences; one entry per candidate.
     pub figures: Vec<[Figures; 3]>,
     /// The candidates' names.
     pub names: Vec<String>,
-    /// The index of the configuration as it is, where it is a candidate.
+    /// The index of the unchanged configuration, if it is a candidate.
     pub present: Option<usize>,
     /// The index of the best candidate on all sequences.
     pub best: usize,
-    /// Each half judged with the candidate that is best on the other half.
+    /// Each half tested with the candidate that is best on the other half.
     pub halves: Judgement,
-    /// Each source judged with the candidate that is best on all other sources.
+    /// Each source tested with the candidate that is best on all other sources.
     pub sources: Judgement,
     /// The sequences, in the order of [`Judgement::with`].
     pub sequences: Vec<String>,
 }
 
 impl Choice {
-    /// Among evaluations, one a candidate; `None` where a half has no sequence.
+    /// Computes the choice among evaluations, one per candidate; `None` if a half has no sequence.
     pub fn of(candidates: &[Evaluation], present: Option<usize>) -> Option<Self> {
         let trials = Trials::of(candidates);
         let on = |i| {
@@ -45,18 +45,18 @@ impl Choice {
         })
     }
 
-    /// The rows of each sequence from the candidate that was chosen on the other half: a tracker that nobody tuned on what it
-    /// is judged on.
+    /// Returns the rows of each sequence from the candidate that was chosen on the other half: a tracker that was not tuned on its test
+    /// data.
     pub fn cross_validated(&self, tracker: &str, candidates: &[Evaluation]) -> Evaluation {
         let rows = self.sequences.iter().zip(&self.halves.with);
         let rows = rows.flat_map(|(name, i)| candidates[*i].rows.iter().filter(move |row| row.sequence == *name));
-        // By seed, then by name, as a tracker that is run has them.
+        // Sorted by seed, then by name, as for a tracker that is run.
         let mut rows: Vec<_> = rows.cloned().collect();
         rows.sort_by(|a, b| (a.seed, &a.sequence).cmp(&(b.seed, &b.sequence)));
         Evaluation { tracker: tracker.into(), rows, missing: vec![] }
     }
 
-    /// What is quoted: who was judged how.
+    /// Returns the quoted scores with their descriptions.
     fn summary(&self) -> Vec<(&'static str, Figures)> {
         let present = self.present.map(|i| ("the configuration as it is, on all", self.figures[i][2]));
         let rest = [
@@ -82,7 +82,7 @@ fn heads(first: &str, groups: &[&str]) -> Vec<String> {
     std::iter::once(first.to_owned()).chain(groups.iter().flat_map(of)).collect()
 }
 
-/// Aligned text: the candidates, the choice of each half, and the summary. Chosen by mean AUC.
+/// Formats as aligned text: the candidates, the choice of each half, and the summary. Chosen by mean AUC.
 pub fn text(c: &Choice) -> String {
     let count = |letter: &str| counted(c.sequences.iter().filter(|name| by_half(name) == letter).count(), "sequence");
     let mut candidates = vec![heads("candidate", &["a", "b", "all"])];
@@ -110,7 +110,7 @@ pub fn text(c: &Choice) -> String {
     )
 }
 
-/// How often leaving out a source chose each candidate.
+/// Formats how often each candidate was chosen with one source left out.
 fn sources(choices: &[Chosen]) -> String {
     let mut names: Vec<&str> = choices.iter().map(|c| c.candidate.as_str()).collect();
     names.sort();
@@ -119,7 +119,7 @@ fn sources(choices: &[Chosen]) -> String {
     format!("Leaving out one of {} sources chose {}.\n", choices.len(), said.join(", "))
 }
 
-/// All figures as JSON.
+/// Returns all scores as JSON.
 pub fn json(c: &Choice) -> Value {
     let candidate = |(i, (name, [a, b, all])): (usize, (&String, &[Figures; 3]))| json!({ "candidate": name, "as_it_is": c.present == Some(i), "a": a, "b": b, "all": all });
     let sequence = |(i, name): (usize, &String)| {

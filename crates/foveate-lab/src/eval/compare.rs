@@ -13,14 +13,14 @@ use foveate_base::{Error, Result, files};
 use foveate_core::geometry::BBox;
 use foveate_video::annotation::{format_boxes, read_boxes, read_numbers};
 
-/// What a tracker did on a sequence.
+/// A tracker's output on a sequence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackRun {
-    /// Its box in each frame, the first one included, 0-based.
+    /// The box in each frame, including the first, 0-based.
     pub boxes: Vec<BBox>,
-    /// Seconds it took for each frame, the start included; empty if they were not measured.
+    /// Seconds for each frame, including the start; empty if not measured.
     pub seconds: Vec<f64>,
-    /// Values read of a picture and the share of those that it has, the mean over frames; none if they were not counted.
+    /// Number of values read from a picture and their fraction of all values, means over frames; `None` if not counted.
     pub read: Option<[f64; 2]>,
 }
 
@@ -29,9 +29,9 @@ pub struct TrackRun {
 pub struct Row {
     /// Name of the sequence.
     pub sequence: String,
-    /// The seed it was run with, if it was run here.
+    /// The seed of the run, if it was run here.
     pub seed: Option<u64>,
-    /// The figures.
+    /// The scores.
     #[serde(flatten)]
     pub score: Score,
     /// The curves.
@@ -44,9 +44,9 @@ pub struct Row {
 pub struct Evaluation {
     /// Name of the tracker.
     pub tracker: String,
-    /// One for each sequence and seed.
+    /// One row for each sequence and seed.
     pub rows: Vec<Row>,
-    /// Sequences it has no result for; they count nowhere.
+    /// Sequences without a result; they do not count.
     pub missing: Vec<String>,
 }
 
@@ -55,31 +55,31 @@ pub struct Evaluation {
 pub struct Spread {
     /// Mean over seeds.
     pub mean: f64,
-    /// Standard deviation over seeds (n − 1 in the denominator); none with one seed.
+    /// Standard deviation over seeds (n − 1 in the denominator); `None` with one seed.
     pub sd: Option<f64>,
 }
 
 impl Evaluation {
-    /// The mean figures over all sequences and seeds; `None` without a row.
+    /// Returns the mean scores over all sequences and seeds; `None` without a row.
     pub fn mean(&self) -> Option<Score> {
         Score::mean(self.rows.iter().map(|row| &row.score))
     }
-    /// The mean curves over all sequences and seeds.
+    /// Returns the mean curves over all sequences and seeds.
     pub fn curves(&self) -> Curves {
         Curves::mean(self.rows.iter().map(|row| &row.curves))
     }
-    /// The rows of each seed.
+    /// Returns the rows of each seed.
     fn by_seed(&self) -> Vec<Vec<&Row>> {
         let seeds: BTreeSet<_> = self.rows.iter().map(|row| row.seed).collect();
         seeds.into_iter().map(|seed| self.rows.iter().filter(|row| row.seed == seed).collect()).collect()
     }
-    /// What the plot draws: the mean curves, and how far those of single seeds are from them.
+    /// Returns the data of the plot: the mean curves, and their band over seeds.
     pub fn drawn(&self) -> Drawn<'_> {
         let seeds: Vec<Curves> =
             self.by_seed().iter().map(|rows| Curves::mean(rows.iter().map(|row| &row.curves))).collect();
         Drawn { name: &self.tracker, mean: self.curves(), band: Curves::band(&seeds) }
     }
-    /// A figure's mean over sequences, seed by seed: its mean and spread over seeds.
+    /// Returns the mean of a score over sequences: its mean and spread over seeds.
     pub fn spread(&self, figure: impl Fn(&Score) -> f64) -> Option<Spread> {
         let mean_of = |rows: &Vec<&Row>| rows.iter().map(|row| figure(&row.score)).sum::<f64>() / rows.len() as f64;
         let means: Vec<f64> = self.by_seed().iter().map(mean_of).collect();
@@ -87,21 +87,21 @@ impl Evaluation {
         let (mean, sd) = metrics::mean_sd(&means);
         (n > 0.0).then(|| Spread { mean, sd: (n > 1.0).then(|| sd * (n / (n - 1.0)).sqrt()) })
     }
-    /// The mean over seeds of one sequence's figures; `None` where it is missing.
+    /// Returns the mean over seeds of one sequence's scores; `None` if it is missing.
     pub fn of_sequence(&self, name: &str) -> Option<Score> {
         Score::mean(self.rows.iter().filter(|row| row.sequence == name).map(|row| &row.score))
     }
 }
 
-/// Scores what a folder holds: a tracker's results, or folders of trackers, which are answered best first (by AUC).
+/// Scores a folder: a tracker's results, or folders of trackers, which are returned best first (by AUC).
 ///
-/// A tracker's results are `<sequence>.txt` (or `<sequence>/boxes.txt`, as tracking writes it) with one box `x,y,w,h` a
-/// frame, 1-based, the first frame included; and, where there is one, `<sequence>_time.txt` (beside it or in `times/`) with
-/// the seconds of each frame, and `<sequence>_read.txt`, values read a frame and their share of a picture. Where several
-/// seeds were run these are in folders `seed-S`, as [`run_all`] leaves them.
+/// A tracker's results are `<sequence>.txt` (or `<sequence>/boxes.txt`, as tracking writes it) with one box `x,y,w,h` per frame, 1-based,
+/// including the first frame. Optional files are `<sequence>_time.txt` (beside it or in `times/`) with the seconds of each frame, and
+/// `<sequence>_read.txt` with the values read per frame and their fraction of a picture. Results of several seeds are in folders `seed-S`,
+/// as [`run_all`] writes them.
 ///
 /// # Errors
-/// There is no result for any of the sequences, or a file is damaged or has not one line a frame.
+/// There is no result for any of the sequences, or a file is damaged or does not have one line per frame.
 pub fn score_folder(sequences: &[Sequence], folder: &Path) -> Result<Vec<Evaluation>> {
     if let Some(one) = score_tracker(sequences, folder)? {
         return Ok(vec![one]);
@@ -120,7 +120,7 @@ pub fn score_folder(sequences: &[Sequence], folder: &Path) -> Result<Vec<Evaluat
     Ok(all)
 }
 
-/// One tracker's results, of one pass or of several seeds; `None` where there are none.
+/// Scores one tracker's results, of one pass or of several seeds; `None` if there are none.
 fn score_tracker(sequences: &[Sequence], folder: &Path) -> Result<Option<Evaluation>> {
     let whole = std::path::absolute(folder).map_err(Error::io(folder, "cannot find"))?;
     let tracker = whole.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -137,7 +137,7 @@ fn score_tracker(sequences: &[Sequence], folder: &Path) -> Result<Option<Evaluat
     Ok((!rows.is_empty()).then_some(Evaluation { tracker, rows, missing }))
 }
 
-/// A row for each sequence that has a file in this folder.
+/// Returns a row for each sequence that has a file in this folder.
 fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for sequence in sequences {
@@ -165,32 +165,31 @@ fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Resu
     Ok(rows)
 }
 
-/// The files of a run in a tracker's folder, by the name of the sequence: its boxes, the seconds of each frame, the values read. Those of
-/// several seeds are in folders of their own.
+/// Returns the files of a run in a tracker's folder, by the name of the sequence: its boxes, the seconds of each frame, the values read.
+/// Files of several seeds are in separate folders.
 fn files_of(sequence: &str, seed: Option<u64>) -> [String; 3] {
     let folder = seed.map_or(String::new(), |seed| format!("seed-{seed}/"));
     ["", "_time", "_read"].map(|what| format!("{folder}{sequence}{what}.txt"))
 }
 
-/// The files that [`run_all`] may write, below `folder`.
+/// Returns the files that [`run_all`] may write, below `folder`.
 pub fn track_files(folder: &str, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
     let seeds = seeds.iter().map(|seed| (seeds.len() > 1).then_some(*seed));
     let files = seeds.flat_map(|seed| sequences.iter().flat_map(move |sequence| files_of(&sequence.name, seed)));
     files.map(|file| format!("{folder}/{file}")).collect()
 }
 
-/// The folders in a folder, with their names, sorted.
+/// Returns the folders in a folder, with their names, sorted.
 fn folders(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Ok(list(folder)?.into_iter().filter(|path| path.is_dir()).map(|path| (name(&path), path)).collect())
 }
 
-/// Runs a tracker over all sequences with each seed, keeps its results in `out` in the form that
-/// [`score_folder`] reads (in a folder `seed-S` each where there are several seeds), and scores them.
-/// `told` hears of each row when it is made.
+/// Runs a tracker over all sequences with each seed, writes its results to `out` in the format of [`score_folder`] (in a folder `seed-S`
+/// per seed if there are several), and scores them. Calls `told` with each row.
 ///
 /// # Errors
-/// Whatever the tracker says, naming the sequence; it has not one box a frame; a file cannot be written.
+/// An error of the tracker, with the sequence's name; it does not have one box per frame; a file cannot be written.
 pub fn run_all(
     tracker: &str,
     sequences: &[Sequence],

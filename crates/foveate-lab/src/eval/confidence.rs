@@ -1,7 +1,7 @@
 //! Calibration of P(lost), delay and false alarms of the reported status, coverage of credible regions.
 //!
-//! A target is *lost* where its box has an IoU below [`LOST`] with it, or it is not visible. The tracker *reports* a loss where
-//! its status is occluded or lost.
+//! A target is *lost* if its box has an IoU below [`LOST`] with it, or it is not visible. The tracker *reports* a loss if its status is
+//! occluded or lost.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,32 +16,32 @@ use foveate_report::Observer;
 use foveate_video::Frame;
 
 pub use foveate_core::control::LOST;
-/// Losses of fewer frames are not counted as episodes.
+/// Minimum length of a loss that counts as an episode, frames.
 pub const EPISODE: usize = 5;
-/// Bins of the reliability curve.
+/// Number of bins of the reliability curve.
 const BINS: usize = 10;
-/// Credible regions that are checked.
+/// Probabilities of the evaluated credible regions.
 pub const REGIONS: [f64; 2] = [0.5, 0.9];
 
-/// What a tracker reported in one frame, beside the truth.
+/// A tracker's report in one frame, beside the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
-    /// P(lost) as reported.
+    /// The reported P(lost).
     pub p_lost: f64,
-    /// The status as reported.
+    /// The reported status.
     pub status: Status,
-    /// The features that P(lost) is made of.
+    /// The features that P(lost) is computed from.
     pub cues: Cues,
-    /// IoU with the target; 0 where it is not visible.
+    /// IoU with the target; 0 if it is not visible.
     pub iou: f64,
-    /// The true centre less the estimate, in template units; none where the target is not visible.
+    /// The true centre minus the estimate, in template units; `None` if the target is not visible.
     pub off: Option<[f64; 2]>,
-    /// Covariance of the belief about place, in template units: xx, xy, yy.
+    /// Covariance of the belief about the position, in template units: xx, xy, yy.
     pub covariance: [f64; 3],
 }
 
 impl Judged {
-    /// Of a seen and the truth.
+    /// Compares an estimate with the truth.
     pub fn of(seen: &Seen<'_>, truth: Option<BBox>) -> Self {
         let (unit, c) = (seen.unit(), &seen.covariance);
         let off = truth.map(|truth| {
@@ -58,14 +58,14 @@ impl Judged {
             covariance: [c[0][0] / area, c[0][1] / area, c[1][1] / area],
         }
     }
-    /// Whether the target is lost.
+    /// Returns whether the target is lost.
     pub fn lost(&self) -> bool {
         self.iou < LOST
     }
-    /// The squared Mahalanobis distance of the truth, with this much localisation noise (standard deviation, template units).
+    /// Returns the squared Mahalanobis distance of the truth, with this localisation noise (standard deviation, template units).
     fn squares(&self, localisation_noise: f64) -> Option<f64> {
         let ([dx, dy], [a, b, d]) = (self.off?, self.covariance);
-        // A millionth of a unit at least: a belief of one particle has no covariance.
+        // At least a millionth of a unit: a belief of one particle has no covariance.
         let (a, d) =
             (a + localisation_noise * localisation_noise + 1e-12, d + localisation_noise * localisation_noise + 1e-12);
         Some((d * dx * dx - 2.0 * b * dx * dy + a * dy * dy) / (a * d - b * b).max(1e-24))
@@ -75,18 +75,18 @@ impl Judged {
 /// Records every frame of a run beside the truth.
 pub struct Recorder<'a> {
     truth: &'a [Option<BBox>],
-    /// From the second frame on.
+    /// Reports from the second frame on.
     pub frames: Vec<Judged>,
-    /// Values read in all of them, and the sum of their shares of a picture.
+    /// Number of values read in all frames, and the sum of their fractions of a picture.
     read: [f64; 2],
 }
 
 impl<'a> Recorder<'a> {
-    /// For a video with this truth.
+    /// Creates a recorder for a video with this truth.
     pub fn of(truth: &'a [Option<BBox>]) -> Self {
         Self { truth, frames: vec![], read: [0.0; 2] }
     }
-    /// Values read a frame, and as a share of a picture, the means; none before a frame.
+    /// Returns the mean number of values read per frame, and its fraction of a picture; `None` before the first frame.
     pub fn read(&self) -> Option<[f64; 2]> {
         let n = self.frames.len();
         (n > 0).then(|| self.read.map(|sum| sum / n as f64))
@@ -103,41 +103,41 @@ impl Observer for Recorder<'_> {
     }
 }
 
-/// The figures of many tracks.
+/// The scores of many tracks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ConfidenceScore {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
-    /// Of these, frames in which the target was lost.
+    /// Number of frames in which the target was lost.
     pub lost: usize,
-    /// By P(lost), ten bins of equal width: how many, mean P(lost) and share lost.
+    /// By P(lost), ten bins of equal width: count, mean P(lost) and fraction lost.
     pub bins: Vec<Bin>,
-    /// Expected calibration error: mean distance between P(lost) and the share lost of a bin, by count.
+    /// Expected calibration error: mean distance between P(lost) and the fraction lost of a bin, weighted by count.
     pub ece: f64,
     /// Mean of (P(lost) − truth)².
     pub brier: f64,
-    /// The same of the base rate: of always reporting the share of lost frames.
+    /// The Brier score of the base rate: of always reporting the fraction of lost frames.
     pub brier_of_base_rate: f64,
-    /// How probably a lost frame has the greater P(lost) than one on the target; none without both.
+    /// The probability that a lost frame has a greater P(lost) than a frame on the target; `None` without both.
     pub roc: Option<f64>,
-    /// Share of the lost frames that are reported as occluded or lost.
+    /// Fraction of the lost frames that are reported as occluded or lost.
     pub reported: Option<f64>,
-    /// Frames on the target that are reported as occluded or lost, for each 1000 on it.
+    /// Frames on the target that are reported as occluded or lost, per 1000 frames on it.
     pub false_alarms: Option<f64>,
-    /// Losses of five frames or more.
+    /// Number of losses of five frames or more.
     pub episodes: usize,
-    /// Of these, losses that were reported before they ended.
+    /// Number of these that were reported before they ended.
     pub detected: usize,
-    /// Frames from a loss to its report: median, and the 90 % quantile; of those detected.
+    /// Frames from a loss to its report, for detected losses: median and 90 % quantile.
     pub delay: Option<[f64; 2]>,
-    /// Share of frames on the target whose truth lies in the 50 % and the 90 % region: of the belief alone, and with localisation noise.
+    /// Fraction of frames on the target with the truth in the 50 % and the 90 % region: of the belief alone, and with localisation noise.
     pub coverage: Option<[[f64; 2]; 2]>,
-    /// The localisation noise with which the 90 % region holds 90 %, template units.
+    /// The localisation noise for which the 90 % region contains 90 %, template units.
     pub best_noise: Option<f64>,
 }
 
 impl ConfidenceScore {
-    /// Sums up tracks, each in the order of its frames; the localisation noise is what the tracker's regions have.
+    /// Scores tracks, each in the order of its frames; `localisation_noise` is that of the tracker's regions.
     pub fn of(tracks: &[&[Judged]], localisation_noise: f64) -> Self {
         let all: Vec<&Judged> = tracks.iter().copied().flatten().collect();
         let (on, off): (Vec<&Judged>, Vec<&Judged>) = all.iter().partition(|j| !j.lost());
@@ -169,11 +169,11 @@ impl ConfidenceScore {
             best_noise: (!on.is_empty()).then(|| best_noise(&on)),
         }
     }
-    /// Of the frames whose P(lost) is below 0.1, the share in which the target is lost; `None` without such a frame.
+    /// Returns the fraction of lost frames among those with P(lost) below 0.1; `None` without such a frame.
     pub fn lost_below_tenth(&self) -> Option<f64> {
         self.bins.first().filter(|bin| bin.count > 0).map(|bin| bin.accuracy)
     }
-    /// A track as another model reports it, boxes and cues as they are: how often it would have searched is not simulated.
+    /// Returns a track with the reports of another model, for unchanged boxes and cues: different searches are not simulated.
     pub fn rejudged(track: &[Judged], confidence: &ConfidenceModel) -> Vec<Judged> {
         let mut monitor = LossMonitor::new(confidence.clone());
         let again = |j: &Judged| {
@@ -184,7 +184,7 @@ impl ConfidenceScore {
     }
 }
 
-/// The area under the ROC curve, by ranks; ties count half.
+/// Computes the area under the ROC curve, by ranks; ties count half.
 fn roc(pairs: &[(f64, bool)]) -> Option<f64> {
     let mut sorted = pairs.to_vec();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -200,13 +200,13 @@ fn roc(pairs: &[(f64, bool)]) -> Option<f64> {
     (lost > 0.0 && on > 0.0).then(|| won / (lost * on))
 }
 
-/// For each episode of a track: frames until it was reported; none where it ended before.
+/// Returns the frames until each episode of a track was reported; `None` if it ended before.
 fn delays(track: &[Judged]) -> Vec<Option<usize>> {
     let runs = track.chunk_by(|a, b| a.lost() == b.lost()).filter(|run| run[0].lost() && run.len() >= EPISODE);
     runs.map(|run| run.iter().position(|j| !j.status.is_usable())).collect()
 }
 
-/// Share of frames whose truth lies in the credible ellipse of probability p: for a normal belief the squared Mahalanobis
+/// Returns the fraction of frames with the truth in the credible ellipse of probability p: for a normal belief the squared Mahalanobis
 /// distance is at most −2 ln(1 − p).
 fn coverage(frames: &[&Judged], p: f64, localisation_noise: f64) -> f64 {
     let most = -2.0 * (1.0 - p).ln();
@@ -214,7 +214,7 @@ fn coverage(frames: &[&Judged], p: f64, localisation_noise: f64) -> f64 {
     squares.iter().filter(|s| **s <= most).count() as f64 / squares.len().max(1) as f64
 }
 
-/// The least localisation noise, to a thousandth of a unit, with which the 90 % region holds 90 % of the frames.
+/// Returns the smallest localisation noise, to a thousandth of a unit, for which the 90 % region contains 90 % of the frames.
 fn best_noise(frames: &[&Judged]) -> f64 {
     let (mut low, mut high) = (0.0, 4.0);
     while high - low > 1e-3 {
@@ -224,7 +224,7 @@ fn best_noise(frames: &[&Judged]) -> f64 {
     high
 }
 
-/// As lines of text.
+/// Formats the scores as text.
 pub fn text(score: &ConfidenceScore) -> String {
     let s = score;
     let or = |v: Option<String>| v.unwrap_or_else(|| "-".into());
@@ -288,8 +288,8 @@ mod tests {
         assert!(!text(&ConfidenceScore::of(&[], 0.1)).contains("0.0"), "no frame tells nothing");
     }
 
-    /// 4000 draws from beliefs that are right, and from beliefs that do not know of 0.3 units: the share within the 90 %
-    /// region has a deviation of 0.005; beyond five of them a correct program fails once in a million.
+    /// 4000 samples from correct beliefs, and from beliefs that ignore 0.3 units of noise: the fraction within the 90 % region has a
+    /// standard deviation of 0.005; a correct program exceeds five of them once in a million.
     #[test]
     fn regions_of_correct_beliefs_have_their_coverage() {
         let mut rng = Streams::new(11, 0).rng(0);

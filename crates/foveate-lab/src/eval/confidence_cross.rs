@@ -1,4 +1,4 @@
-//! P(lost) judged on tracks that it was not fitted on: each group of videos (a half, a source) by a model fitted without it.
+//! P(lost) tested on tracks that it was not fitted on: each group of videos (a half, a source) with a model fitted without it.
 
 use super::choice::GroupOf;
 use super::confidence::{ConfidenceScore, Judged};
@@ -8,14 +8,14 @@ use foveate_base::Result;
 use foveate_core::control::ConfidenceModel;
 use rayon::prelude::*;
 
-/// How a model is fitted: `confidence_fit::fit`, or a part of it.
+/// A fitting function: `confidence_fit::fit`, or a part of it.
 pub type Fitting = fn(&[&Judgement], &ConfidenceModel) -> Result<ConfidenceModel>;
 
-/// The tracks, in their order, as reported by a model that was fitted without the videos of their group. Boxes and searches
-/// are those of the model that they were tracked with.
+/// Returns the tracks, in their order, with the reports of a model that was fitted without the videos of their group. Boxes and searches
+/// are those of the tracked model.
 ///
 /// # Errors
-/// As the fitting: there is one group only, or the others have no lost frame or none on the target.
+/// As the fitting: there is only one group, or the others have no lost frame or no frame on the target.
 pub fn cross_fit(
     tracks: &[Judgement],
     confidence: &ConfidenceModel,
@@ -37,7 +37,7 @@ pub fn cross_fit(
     Ok(judged)
 }
 
-/// The figures that P(lost) is trusted by, a line for each way to fit: aligned text.
+/// Formats the scores of P(lost) as aligned text, one line per fitting method.
 pub fn text(lines: &[(String, ConfidenceScore)]) -> String {
     let heads = [
         "fitted on, judged on",
@@ -73,7 +73,7 @@ mod tests {
     use crate::eval::confidence_fit::fit;
     use foveate_core::control::{Cues, Status};
 
-    /// A hundred frames, of which the last twenty are lost. The first cue is 1 where the target is lost, times `sign`.
+    /// A hundred frames, with the last twenty lost. The first cue is 1 if the target is lost, times `sign`.
     fn track(video: &str, sign: f64) -> Judgement {
         let frame = |i: usize| {
             let lost = i >= 80;
@@ -85,8 +85,8 @@ mod tests {
         Judgement { video: video.into(), occluded: false, frames: (0..100).map(frame).collect() }
     }
 
-    /// In half b (Couple, Crossing) the cue means the opposite of what it means in half a (Coke, Bag). Who fits on the other
-    /// half is therefore wrong in every frame, whichever way; who leaves out one source only has seen the cue both ways.
+    /// In half b (Couple, Crossing) the cue means the opposite of its meaning in half a (Coke, Bag). A model fitted on the other half is
+    /// therefore wrong in every frame; a model with one source left out was fitted on both.
     #[test]
     fn what_is_judged_was_not_fitted_on() {
         let tracks = [("Coke", 1.0), ("Couple", -1.0), ("Bag", 1.0), ("Crossing", -1.0)].map(|(v, s)| track(v, s));

@@ -1,4 +1,4 @@
-//! Fits a [`ConfidenceModel`] on tracks with truth. `confidence_cross.rs` judges it on others.
+//! Fits a [`ConfidenceModel`] on tracks with ground truth. `confidence_cross.rs` tests it on others.
 
 use super::confidence::{ConfidenceScore, Judged};
 use crate::hide::Hide;
@@ -11,29 +11,29 @@ use foveate_core::scene::Image;
 use foveate_learn::softmax::{Fit, Softmax};
 use serde::{Deserialize, Serialize};
 
-/// The pull of the weights towards 0, in standard deviations of the cues. Weaker ones fit the tracks they are fitted on better; a
-/// tracker that searches by them then loses more.
+/// L2 penalty of the weights, in standard deviations of the cues. A weaker penalty fits the training tracks better, but a tracker that
+/// searches with the result loses the target more often.
 const L2: f64 = 0.03;
 
-/// Of videos with an inserted occlusion, only one frame in so many counts.
+/// For videos with an inserted occlusion, only one of this many frames counts.
 const RARER: usize = 5;
 
-/// One tracker on one video, and which video that was.
+/// One tracker on one video.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
-    /// Its name: tracks of one video, or of videos of one source, are left out together.
+    /// The video's name: tracks of one video, or of videos of one source, are left out together.
     pub video: String,
     /// Whether an occlusion was inserted.
     pub occluded: bool,
-    /// From the second frame on.
+    /// Reports from the second frame on.
     pub frames: Vec<Judged>,
 }
 
-/// Follows a video of which every frame can be had, with or without an inserted occlusion, up to `last`; the truth is that
-/// of the video as it is seen.
+/// Follows a video with random access to frames up to `last`, with or without an inserted occlusion; the truth is that of the resulting
+/// video.
 ///
 /// # Errors
-/// A picture cannot be had, or the tracker refuses the first box.
+/// A picture cannot be read, or the tracker refuses the first box.
 pub fn follow(
     truth: &[Option<BBox>],
     last: usize,
@@ -59,9 +59,9 @@ pub fn follow(
     Ok(frames)
 }
 
-/// Weights, bias, what a second opinion counts for, and localisation noise, fitted on these tracks; all else as it was. Videos without an
-/// inserted occlusion count about five times as much as those with one, however many frames there are of each: few videos have a loss at
-/// all, and a table fitted on many says too often that the target is lost.
+/// Fits weights, bias, second-tracker weights and localisation noise on these tracks; everything else stays. Videos without an inserted
+/// occlusion count about five times as much as those with one, for any numbers of frames: few videos contain a loss, and a model fitted
+/// mostly on occlusions overestimates P(lost).
 ///
 /// # Errors
 /// There is no frame, or none of one of the two kinds.
@@ -74,8 +74,8 @@ pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<Confid
     fit_second_opinion(tracks, &table)
 }
 
-/// What a second opinion counts for, fitted on these tracks, the same as it was where they had none; all else as it was, so that a tracker
-/// with the new model makes the same boxes.
+/// Fits the second-tracker weights on these tracks, and leaves them unchanged if there was no second tracker. Everything else stays, so
+/// that a tracker with the new model makes the same boxes.
 ///
 /// # Errors
 /// As [`fit`].
@@ -88,7 +88,7 @@ pub fn fit_second_opinion(tracks: &[&Judgement], confidence: &ConfidenceModel) -
     Ok(ConfidenceModel { second_opinion: SecondTrackerWeights { own, agreement, bias }, ..confidence.clone() })
 }
 
-/// Weights and bias of the log odds that a frame is a lost one, linear in what `row` takes of it.
+/// Fits weights and bias of the logit of a lost frame, linear in the features from `row`.
 fn logistic<const N: usize>(
     tracks: &[&Judgement],
     row: impl Fn(&Judged) -> [f64; N],
@@ -112,12 +112,12 @@ fn logistic<const N: usize>(
             labels.len()
         )));
     }
-    // Each in its standard deviations, so that the pull is the same on all.
+    // Each feature is divided by its standard deviation, so that the penalty is the same for all.
     let scales: [f64; N] = deviations(&rows);
     let rows: Vec<f32> =
         rows.iter().zip(scales.iter().cycle()).map(|(c, scale)| (f64::from(*c) / scale) as f32).collect();
     let (model, _) = Softmax::fit(Rows::new(&rows, N), &labels, 2, Fit { l2, steps: 500, tolerance: 1e-6 })?;
-    // The model is linear in the log odds: they are read off at 0 and at each one's 1.
+    // The model is linear in the logit: read off the coefficients at 0 and at each unit vector.
     let log_odds = |at: usize| {
         let (mut row, mut log_p) = ([0f32; N], [0.0; 2]);
         row.iter_mut().enumerate().for_each(|(k, c)| *c = f32::from(u8::from(k == at)));
@@ -128,7 +128,7 @@ fn logistic<const N: usize>(
     Ok((std::array::from_fn(|k| (log_odds(k) - bias) / scales[k]), bias))
 }
 
-/// Standard deviation of each of `N` values a row; 1 of one that is always the same.
+/// Returns the standard deviation of each of `N` values per row; 1 for a constant value.
 fn deviations<const N: usize>(rows: &[f32]) -> [f64; N] {
     let n = (rows.len() / N).max(1) as f64;
     std::array::from_fn(|k| {
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
     use foveate_core::control::{Cues, Status};
 
-    /// A thousand frames for each log odds of the own cues and each overlap, as many of them lost as a known model says.
+    /// A thousand frames for each logit of the own cues and each overlap, with the number of lost frames that a known model gives.
     fn tracks(known: &SecondTrackerWeights) -> Vec<Judgement> {
         let mut frames = vec![];
         for (z, agreement) in (-4..=4).flat_map(|z| [0.0, 0.5, 1.0].map(|agreement| (f64::from(z), agreement))) {

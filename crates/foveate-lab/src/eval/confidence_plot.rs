@@ -1,4 +1,4 @@
-//! The reliability curve: the share of frames lost, against P(lost) as reported.
+//! The reliability curve: the fraction of lost frames against the reported P(lost).
 
 use kuva::plot::{LegendPosition, LinePlot};
 use kuva::prelude::{Figure, Layout, LineStyle, Plot, SvgBackend, TickFormat};
@@ -7,7 +7,7 @@ use super::confidence::ConfidenceScore;
 
 const COLOURS: [&str; 4] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7"];
 
-/// Curves side by side, as SVG text; a straight diagonal would be perfect. Bins of fewer than 20 frames are left out.
+/// Plots curves side by side, as SVG text; perfect calibration is the diagonal. Bins of fewer than 20 frames are left out.
 pub fn plot(scores: &[(&str, &ConfidenceScore)]) -> String {
     let line = |points: Vec<(f64, f64)>, colour: &str, style: LineStyle, name: String| -> Plot {
         let plot = LinePlot::new().with_data(points).with_color(colour).with_line_style(style);

@@ -1,7 +1,7 @@
 //! Success and precision curves, and their plot.
 //!
-//! Success at threshold θ is the share of frames whose IoU is above θ; precision at d is the share
-//! whose centre error is at most d pixels (Wu, Lim and Yang 2013).
+//! Success at threshold θ is the fraction of frames with an IoU above θ; precision at d is the fraction with a centre error of at most d
+//! pixels (Wu, Lim and Yang 2013).
 
 use kuva::plot::legend::{LegendEntry, LegendShape};
 use kuva::plot::{LegendPosition, LinePlot};
@@ -12,10 +12,10 @@ use serde::Serialize;
 pub const N_IOU: usize = 21;
 /// Number of centre error thresholds: 0, 1 ... 50 pixels.
 pub const N_PIXELS: usize = 51;
-/// The centre error, in pixels, at which precision is quoted.
+/// The centre error of the quoted precision, pixels.
 pub const QUOTED: usize = 20;
 
-/// Both curves of a track, or their mean over tracks; shares from 0 to 1.
+/// Both curves of a track, or their mean over tracks; fractions from 0 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Curves {
     /// By IoU threshold, [`N_IOU`] values.
@@ -25,8 +25,8 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// The curves of frames with these overlaps (0 to 1) and centre errors (pixels, infinite where there is no box).
-    /// All zero without a frame.
+    /// Computes the curves of frames with these overlaps (0 to 1) and centre errors (pixels, infinite without a box). All zero without a
+    /// frame.
     pub fn of(overlaps: &[f64], errors: &[f64]) -> Self {
         let share = |hits: usize, of: usize| hits as f64 / of.max(1) as f64;
         let above = |i| overlaps.iter().filter(|&&o| o > iou_threshold(i)).count();
@@ -36,7 +36,7 @@ impl Curves {
             precision: (0..N_PIXELS).map(|i| share(within(i), errors.len())).collect(),
         }
     }
-    /// The mean of curves, every one counting alike; all zero without one.
+    /// Returns the mean of curves, with equal weights; all zero without one.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self>) -> Self {
         let mut sum = Self { success: vec![0.0; N_IOU], precision: vec![0.0; N_PIXELS] };
         let mut n = 0.0;
@@ -49,8 +49,8 @@ impl Curves {
         sum.success.iter_mut().chain(&mut sum.precision).for_each(|v| *v *= scale);
         sum
     }
-    /// One standard deviation below and above the mean of curves (n − 1 in the denominator), within 0 and 1; `None` with
-    /// fewer than two.
+    /// Returns one standard deviation below and above the mean of curves (n − 1 in the denominator), within 0 and 1; `None` with fewer than
+    /// two.
     pub fn band(all: &[Self]) -> Option<[Self; 2]> {
         let (mean, n) = (Self::mean(all.iter()), all.len() as f64);
         let edge = |sign: f64, of: &dyn Fn(&Self) -> &Vec<f64>| -> Vec<f64> {
@@ -63,40 +63,40 @@ impl Curves {
         let side = |sign| Self { success: edge(sign, &|c| &c.success), precision: edge(sign, &|c| &c.precision) };
         (n > 1.0).then(|| [side(-1.0), side(1.0)])
     }
-    /// Area under the success curve: the mean of its 21 values, as the toolkits take it.
+    /// Returns the area under the success curve: the mean of its 21 values, as in the toolkits.
     pub fn auc(&self) -> f64 {
         self.success.iter().sum::<f64>() / N_IOU as f64
     }
 }
 
-/// Threshold `i` as NumPy's linspace(0, 1, 21) has it, to the last bit.
+/// Returns threshold `i` of NumPy's linspace(0, 1, 21), to the last bit.
 fn iou_threshold(i: usize) -> f64 {
     if i + 1 == N_IOU { 1.0 } else { i as f64 * (1.0 / (N_IOU - 1) as f64) }
 }
 
-/// Okabe and Ito's colours, told apart by colour-blind people; with a line style each, also in grey.
+/// Okabe and Ito's colours, which colour-blind people can distinguish; line styles distinguish them in grey.
 const COLOURS: [&str; 7] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"];
 const DASHES: [&str; 4] = ["", "9 4", "2 3", "9 3 2 3"];
 
 /// A tracker in the plot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawn<'a> {
-    /// Its name.
+    /// The name.
     pub name: &'a str,
-    /// Its mean curves.
+    /// The mean curves.
     pub mean: Curves,
     /// The band around them, low and high: [`Curves::band`] over seeds.
     pub band: Option<[Curves; 2]>,
 }
 
-/// Success and precision plots of trackers side by side, as SVG text. The best comes first in each legend; of several the
-/// first one given is drawn above the others, with a line twice as wide.
+/// Draws success and precision plots of trackers side by side, as SVG text. Each legend lists the best first. With several trackers, the
+/// first given is drawn above the others, with a line twice as wide.
 pub fn plot(trackers: &[Drawn<'_>]) -> String {
     let (plots, layouts) = PANELS.iter().map(|panel| panel.draw(trackers)).unzip();
     render(Figure::new(1, 2).with_plots(plots).with_layouts(layouts), 560.0, 430.0, trackers.len())
 }
 
-/// The same two plots one by one, with what each shows: narrow, so that a phone shows a plot whole.
+/// Draws the two plots separately, each with its description; narrow enough for a phone.
 pub fn panels(trackers: &[Drawn<'_>]) -> [(&'static str, String); 2] {
     PANELS.map(|panel| {
         let (lines, layout) = panel.draw(trackers);
@@ -105,7 +105,7 @@ pub fn panels(trackers: &[Drawn<'_>]) -> [(&'static str, String); 2] {
     })
 }
 
-/// A figure with cells of this size, and a line of the legend below it for each tracker.
+/// Renders a figure with cells of this size, and a legend line below it for each tracker.
 fn render(figure: Figure, wide: f64, tall: f64, trackers: usize) -> String {
     SvgBackend::default().render_scene(&figure.with_cell_size(wide, tall + 22.0 * trackers as f64).render())
 }
@@ -135,7 +135,7 @@ struct Panel {
     title: &'static str,
     x_label: &'static str,
     x: fn(usize) -> f64,
-    /// Where the axis ends, its step, and how its marks are written.
+    /// The end of the axis, its step, and the format of its marks.
     x_axis: (f64, f64, TickFormat),
     values: fn(&Curves) -> &Vec<f64>,
     quoted: fn(&Curves) -> f64,
@@ -143,7 +143,7 @@ struct Panel {
 
 impl Panel {
     fn draw(&self, trackers: &[Drawn<'_>]) -> (Vec<Plot>, Layout) {
-        // Later lines hide earlier ones: the first tracker comes last.
+        // Later lines cover earlier ones, so the first tracker is drawn last.
         let lines: Vec<Plot> = (0..trackers.len()).rev().map(|i| self.line(i, &trackers[i]).into()).collect();
         let mut order: Vec<(usize, f64)> = trackers.iter().map(|t| (self.quoted)(&t.mean)).enumerate().collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -223,7 +223,7 @@ mod tests {
         assert!(svg.contains("a&lt;b 0.667") && svg.contains("other 1.000") && !svg.contains("a<b"));
     }
 
-    /// No name of a legend lies on the curves: all are below the axes, in both plots together and in each alone.
+    /// No legend covers the curves: all legends are below the axes, in both plots together and in each alone.
     #[test]
     fn legends_lie_below_the_curves() {
         let names = ["foveate", "another tracker", "a tracker with a rather long name", "d", "e"];

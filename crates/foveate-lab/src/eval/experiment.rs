@@ -1,7 +1,6 @@
-//! One tracker on one synthetic video, a name for what it depends on, and means with bootstrap intervals.
+//! One tracker on one synthetic video, a digest of its dependencies, and means with bootstrap intervals.
 //!
-//! A [`Run`] is the distance of centres in every frame from the second on, as the authors measure it, and what the tracker
-//! reported.
+//! A [`Run`] has the distance of centres in every frame from the second on, as the authors measure it, and the tracker's reports.
 
 use std::time::Instant;
 
@@ -19,7 +18,7 @@ use foveate_core::Tracker;
 use foveate_core::config::Blueprint;
 use foveate_video::Frame;
 
-/// A centre error above this, pixels, is off the target: half a digit.
+/// Centre error in pixels above which the tracker is off the target: half a digit.
 pub const OFF: f64 = 14.0;
 
 /// One tracker on one video.
@@ -55,7 +54,7 @@ impl Run {
         Ok(run)
     }
 
-    /// Its figures.
+    /// Returns the centre scores.
     ///
     /// # Errors
     /// It has no frame.
@@ -64,19 +63,19 @@ impl Run {
         score_centres(&far, &vec![(0.0, 0.0); far.len()])
     }
 
-    /// Whether these could be the results of a video of so many frames: a check of what was read from a file.
+    /// Returns whether the results can belong to a video with this number of frames: a check of a file's content.
     pub fn is_of(&self, frames: usize) -> bool {
         self.errors.len() + 1 == frames && self.lost.len() == self.errors.len()
     }
 }
 
-/// A name for what the program does with a configuration: a digest of its results on a small fixed video.
+/// Returns a digest of the program's results with a configuration on a small fixed video.
 ///
-/// It changes with the model behind the configuration and with the program, so that results kept in files are not
-/// taken for those of another one (but for changes that show on other videos only).
+/// It changes with the model behind the configuration and with the program, so that stored results are not confused with those of another
+/// version (except for changes that only affect other videos).
 ///
 /// # Errors
-/// The tracker cannot be made.
+/// The tracker cannot be created.
 pub fn fingerprint(blueprint: &Blueprint) -> Result<String> {
     let video = Clutter { digit: 3, seed: 1, frames: 8, noise: NOISE, ..Clutter::default() };
     let run = Run::follow(&video.video(&Digits::drawn(1, 2))?, &mut blueprint.tracker(1)?)?;
@@ -84,7 +83,7 @@ pub fn fingerprint(blueprint: &Blueprint) -> Result<String> {
     Ok(digest(&[&bytes]))
 }
 
-/// A name of 32 characters for some parts, each with its length.
+/// Returns a digest of 32 characters of some parts, each with its length.
 pub fn digest(parts: &[&[u8]]) -> String {
     let mut sha = Sha256::new();
     for part in parts {
@@ -105,8 +104,8 @@ pub struct Paired {
     pub high: f64,
 }
 
-/// Share of the frames reported as occluded or lost: of those on the target (centre error at most [`OFF`]), and of those
-/// off it. None where there is no such frame.
+/// Returns the fraction of frames reported as occluded or lost: among those on the target (centre error at most [`OFF`]), and among those
+/// off it. `None` if there is no such frame.
 pub fn reported(runs: &[&Run]) -> [Option<f64>; 2] {
     [false, true].map(|off| {
         let frames = runs.iter().flat_map(|run| run.errors.iter().zip(&run.lost)).filter(|(e, _)| (**e > OFF) == off);
@@ -115,7 +114,7 @@ pub fn reported(runs: &[&Run]) -> [Option<f64>; 2] {
     })
 }
 
-/// The quantile `q` of at least one value, linear between neighbours.
+/// Returns the quantile `q` of at least one value, linear between neighbours.
 pub fn quantile(values: &[f64], q: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -124,8 +123,7 @@ pub fn quantile(values: &[f64], q: f64) -> f64 {
     if below == above { below } else { below + (at - at.floor()) * (above - below) }
 }
 
-/// The mean of differences, and the percentile bootstrap over them: they are drawn with replacement 10,000 times, always
-/// by the same seed.
+/// Returns the mean of differences, and the percentile bootstrap over them: 10,000 resamples with replacement, always with the same seed.
 pub fn paired(differences: &[f64]) -> Paired {
     const DRAWS: usize = 10_000;
     const SEED: u64 = 20_120_301;

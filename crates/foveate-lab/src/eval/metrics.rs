@@ -1,4 +1,4 @@
-//! The OPE figures of one track.
+//! The scores of one track in one-pass evaluation.
 
 use serde::Serialize;
 
@@ -7,16 +7,16 @@ use foveate_base::text::counted;
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
 
-/// The figures of one track; its names in JSON are short, as in OTB's literature.
+/// The scores of one track; its names in JSON are short, as in OTB's literature.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Score {
-    /// Frames that count: those whose truth is a box.
+    /// Number of evaluated frames: those with a true box.
     pub frames: usize,
     /// Area under the success curve, 0 to 1.
     pub auc: f64,
-    /// Share of frames with a centre error of at most 20 pixels, 0 to 1.
+    /// Fraction of frames with a centre error of at most 20 pixels, 0 to 1.
     pub p20: f64,
-    /// Mean centre error, pixels; infinite where a frame has no box.
+    /// Mean centre error, pixels; infinite if a frame has no box.
     #[serde(rename = "cle")]
     pub centre_error: f64,
     /// Standard deviation of the centre error over frames, pixels.
@@ -24,23 +24,23 @@ pub struct Score {
     pub centre_error_sd: f64,
     /// Failures: frames with an IoU of 0.
     pub failures: usize,
-    /// The same in percent.
+    /// Percentage of failures.
     pub failure_pct: f64,
-    /// Share of frames with an IoU above 0.5.
+    /// Fraction of frames with an IoU above 0.5.
     pub sr50: f64,
-    /// Frames a second, where times are known.
+    /// Frames per second, if times are known.
     pub fps: Option<f64>,
-    /// Values read of a picture, the mean over frames but the first, where they are known.
+    /// Number of values read from a picture, mean over frames except the first, if known.
     pub values: Option<f64>,
-    /// The same in percent of the values that a picture has.
+    /// Percentage of the values of a picture that were read.
     pub read_pct: Option<f64>,
 }
 
-/// Scores a track against the truth, box by box (`None`: the tracker said nothing, the target is absent).
+/// Scores a track against the truth, box by box (`None`: no box from the tracker, or an absent target).
 ///
-/// As in the OTB toolkits the first frame counts, with the truth in place of the tracker's box there.
-/// Frames whose truth is absent or has no area count nowhere. A frame without a box has no overlap and
-/// is infinitely far. Only differences of coordinates matter, so both may count from 0 or from 1.
+/// As in the OTB toolkits the first frame counts, with the true box instead of the tracker's. Frames with absent truth or a truth without
+/// area do not count. A frame without a box has overlap 0 and an infinite centre error. Only differences of coordinates matter, so both may
+/// count from 0 or from 1.
 ///
 /// # Errors
 /// The lengths differ, or no frame counts.
@@ -84,12 +84,12 @@ pub fn score(boxes: &[Option<BBox>], truth: &[Option<BBox>]) -> Result<(Score, C
 }
 
 impl Score {
-    /// Takes values read of a picture, and the share of those that it has, where they are known.
+    /// Adds the values read from a picture and their fraction of all values, if known.
     pub(super) fn counting(self, read: Option<[f64; 2]>) -> Self {
         Self { values: read.map(|r| r[0]), read_pct: read.map(|r| 100.0 * r[1]), ..self }
     }
 
-    /// The mean over sequences, every sequence counting alike; frames and failures are summed. `None` without one.
+    /// Returns the mean over sequences, with equal weights; frames and failures are summed. `None` without one.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self>) -> Option<Self> {
         let all: Vec<_> = all.collect();
         let mean = |value: &dyn Fn(&Self) -> f64| all.iter().map(|s| value(s)).sum::<f64>() / all.len() as f64;
@@ -113,21 +113,21 @@ impl Score {
     }
 }
 
-/// Frames a second from the seconds of each frame; the first one, the start, does not count.
+/// Returns the frames per second from the seconds of each frame; the first frame, the start, does not count.
 pub fn frames_per_second(seconds: &[f64]) -> Option<f64> {
     let tracked = seconds.get(1..).unwrap_or_default();
     let sum: f64 = tracked.iter().sum();
     (sum > 0.0).then(|| tracked.len() as f64 / sum)
 }
 
-/// Distance of two centres in pixels.
+/// Returns the distance of two centres in pixels.
 pub fn centre_error(a: &BBox, b: &BBox) -> f64 {
     let (a, b) = (a.centre(), b.centre());
     let (dx, dy) = (a.0 - b.0, a.1 - b.1);
     (dx * dx + dy * dy).sqrt()
 }
 
-/// Mean, and standard deviation with n in the denominator; the second is infinite where a value is.
+/// Returns the mean, and the standard deviation with n in the denominator, which is infinite if a value is.
 pub fn mean_sd(values: &[f64]) -> (f64, f64) {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;

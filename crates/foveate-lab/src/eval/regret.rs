@@ -1,4 +1,4 @@
-//! regret.csv and regret.svg: what looking elsewhere would have earned.
+//! regret.csv and regret.svg: the regret against other gazes.
 
 use std::path::Path;
 
@@ -14,15 +14,15 @@ use foveate_video::Frame;
 use kuva::plot::LinePlot;
 use kuva::prelude::{Figure, Layout, LegendPosition, LineStyle, Plot, SvgBackend, TickFormat};
 
-/// Frames over which rewards are averaged in plots.
+/// Number of frames over which plots average rewards.
 const WINDOW: usize = 20;
 
-/// The gazes to measure a policy's regret against: 3 × 3 over its reach.
+/// Returns the gazes for measuring a policy's regret: 3 × 3 over its reach.
 pub fn comparison_gazes(policy: &PolicyConfig) -> Grid {
     Grid { n: 3, reach: reach(policy).unwrap_or(Grid::default().reach) }
 }
 
-/// How far a policy looks, in template units; `None` where it has one gaze.
+/// Returns a policy's reach in template units; `None` for a single gaze.
 pub fn reach(policy: &PolicyConfig) -> Option<f64> {
     match policy {
         PolicyConfig::Random { grid }
@@ -36,13 +36,13 @@ pub fn reach(policy: &PolicyConfig) -> Option<f64> {
         PolicyConfig::Exp3S(c) => Some(c.grid.reach),
         PolicyConfig::GpUcb(bayes) => Some(bayes.reach),
         PolicyConfig::Anchor { policy } => reach(policy),
-        // A fixed gaze, or a policy of the user's own.
+        // A fixed gaze, or a user-defined policy.
         _ => None,
     }
 }
 
-/// Keeps the rewards of the policy's gaze and of fixed ones; at the end, when it is known which fixed gaze was best,
-/// writes the regret ([`RegretLog::csv`]) and its plot. The sums go on where the target is given again.
+/// Records the rewards of the policy's gaze and of fixed ones. At the end, when the best fixed gaze is known, writes the regret
+/// ([`RegretLog::csv`]) and its plot. The sums continue over restarts of the target.
 ///
 /// The gazes must be scored: [`foveate_core::config::Blueprint::shadowing`].
 #[derive(Debug)]
@@ -54,13 +54,13 @@ pub struct RegretFiles {
 }
 
 impl RegretFiles {
-    /// Starts regret.csv and regret.svg in a folder. Fails where it cannot be written.
+    /// Starts regret.csv and regret.svg in a folder. Fails if it cannot be written.
     pub fn create(folder: &Path, gazes: Vec<Gaze>) -> Result<Self> {
         let sink = |name: &str| Sink::create(folder.join(name));
         let (table, plot) = (sink("regret.csv")?, sink("regret.svg")?);
         Ok(Self { log: RegretLog::new(gazes), table, plot, finished: false })
     }
-    /// What was entered so far.
+    /// Returns the current log.
     pub fn log(&self) -> &RegretLog {
         &self.log
     }
@@ -79,7 +79,7 @@ impl Observer for RegretFiles {
     }
 }
 
-/// Rewards and summed regret over the frames, as SVG text.
+/// Plots rewards and cumulative regret over the frames, as SVG text.
 pub fn plot(log: &RegretLog) -> String {
     let regret = log.regret().unwrap_or_default();
     let k = log.gazes().len().max(1) as f64;
@@ -126,7 +126,7 @@ pub fn plot(log: &RegretLog) -> String {
     SvgBackend::default().render_scene(&figure.render())
 }
 
-/// The mean of each value and those before it, [`WINDOW`] at most.
+/// Returns the mean of each value and those before it, at most [`WINDOW`].
 fn smooth(values: &[f64]) -> Vec<f64> {
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     (0..values.len()).map(|t| mean(&values[(t + 1).saturating_sub(WINDOW)..=t])).collect()

@@ -1,18 +1,18 @@
-//! Whether probabilities of classes mean what they say: calibration error and reliability bins (Guo et al. 2017).
+//! Calibration of class probabilities: calibration error and reliability bins (Guo et al. 2017).
 
-/// Decisions whose confidence (the probability of the most likely class) is about the same.
+/// Decisions with similar confidence (the probability of the most likely class).
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Bin {
-    /// Decisions.
+    /// Number of decisions.
     pub count: usize,
     /// Their mean confidence, 0 to 1.
     pub confidence: f64,
-    /// The share of them that was right.
+    /// The fraction of right decisions.
     pub accuracy: f64,
 }
 
-/// Bins of equal width, from 0 to 1, of pairs of a probability and whether it came true; and the expected calibration error:
-/// the mean distance of the two in a bin, by count.
+/// Returns bins of equal width, from 0 to 1, of pairs of a probability and its outcome; and the expected calibration error: the mean
+/// distance between probability and frequency in a bin, weighted by count.
 pub(super) fn reliability(pairs: &[(f64, bool)], bins: usize) -> (Vec<Bin>, f64) {
     let mut found = vec![Bin::default(); bins];
     for (p, hit) in pairs {
@@ -29,22 +29,21 @@ pub(super) fn reliability(pairs: &[(f64, bool)], bins: usize) -> (Vec<Bin>, f64)
     (found, apart / pairs.len().max(1) as f64)
 }
 
-/// How well log-probabilities foretell labels.
+/// The quality of log-probabilities as predictions of labels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reliability {
     /// Bins of equal width of confidence, from 0 to 1; empty ones have count 0.
     pub bins: Vec<Bin>,
-    /// Share of decisions that were right.
+    /// Fraction of right decisions.
     pub accuracy: f64,
     /// Mean of −log p of the true class, nats.
     pub log_loss: f64,
-    /// Expected calibration error: the mean distance between confidence and accuracy of a bin, by count.
+    /// Expected calibration error: the mean distance between confidence and accuracy of a bin, weighted by count.
     pub ece: f64,
 }
 
 impl Reliability {
-    /// Of log-probabilities, a row of `classes` for each label, in `bins` bins. Of equal probabilities the first class is
-    /// decided for.
+    /// Evaluates log-probabilities, a row of `classes` for each label, in `bins` bins. Ties go to the first class.
     ///
     /// # Panics
     /// If the shapes do not fit, or there is no label or bin.

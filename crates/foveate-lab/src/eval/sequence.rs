@@ -1,4 +1,4 @@
-//! Sequences with truth, found in folders.
+//! Sequences with ground truth, found in folders.
 
 use std::path::{Path, PathBuf};
 
@@ -7,21 +7,21 @@ use foveate_core::geometry::BBox;
 use foveate_video::annotation::{hide_absent, read_truth};
 use foveate_video::{frames_folder, vot};
 
-/// A video as a folder of images, and where the target truly is in it.
+/// A video as a folder of images, with the ground truth of its target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sequence {
-    /// The folder's name; further targets of the same video have `-2`, `-3` behind it.
+    /// The folder's name, followed by `-2`, `-3` for further targets of the same video.
     pub name: String,
-    /// Where the images are: `img/` in OTB's layout, `img1/` in MOTChallenge's, `color/` in VOT's, the folder itself in GOT-10k's.
+    /// The folder of the images: `img/` in OTB's layout, `img1/` in MOTChallenge's, `color/` in VOT's, the folder itself in GOT-10k's.
     pub images: PathBuf,
     /// The file of the truth.
     pub truth_file: PathBuf,
-    /// The box in each frame, 0-based; `None` where the target is absent.
+    /// The box in each frame, 0-based; `None` if the target is absent.
     pub truth: Vec<Option<BBox>>,
 }
 
 impl Sequence {
-    /// The box a tracker starts with.
+    /// Returns the first box.
     ///
     /// # Errors
     /// The target is absent in frame 1.
@@ -57,7 +57,7 @@ pub fn find_sequences(folders: &[PathBuf]) -> Result<Vec<Sequence>> {
     by_name(found, |s| (&s.name, &s.truth_file))
 }
 
-/// Sorts sequences by name, of which (and of the file of the truth) the function tells. Fails where two share one.
+/// Sorts sequences by name; the function returns the name and the file of the truth. Fails if two share a name.
 pub(super) fn by_name<T>(mut found: Vec<T>, of: impl Fn(&T) -> (&str, &Path)) -> Result<Vec<T>> {
     found.sort_by(|a, b| of(a).0.cmp(of(b).0));
     for pair in found.windows(2) {
@@ -70,7 +70,7 @@ pub(super) fn by_name<T>(mut found: Vec<T>, of: impl Fn(&T) -> (&str, &Path)) ->
     Ok(found)
 }
 
-/// Adds the sequences of a folder that is one.
+/// Adds the sequences of a folder, if it is one.
 fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
     for truth_file in list(folder)? {
         let Some(target) = truth_file.file_name().and_then(|name| target(&name.to_string_lossy())) else { continue };
@@ -88,7 +88,7 @@ fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
     Ok(())
 }
 
-/// The target a file name is the truth of: `groundtruth_rect.2.txt` is of target 2.
+/// Returns the target of a truth file's name: 2 for `groundtruth_rect.2.txt`.
 fn target(name: &str) -> Option<usize> {
     match name {
         "groundtruth_rect.txt" | "groundtruth.txt" => Some(1),
@@ -96,7 +96,7 @@ fn target(name: &str) -> Option<usize> {
     }
 }
 
-/// All that is in a folder, sorted.
+/// Returns the contents of a folder, sorted.
 pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).map_err(Error::io(folder, "cannot read this folder"))?;
     let paths: std::io::Result<Vec<_>> = entries.map(|entry| entry.map(|e| e.path())).collect();
@@ -139,7 +139,7 @@ mod tests {
         let own = Some(BBox { x: 2.0, y: 3.0, w: 5.0, h: 5.0 });
         let got = &find_sequences(&[dir.path().join("got")]).expect("one")[0];
         assert_eq!(got.truth, [Some(BBox { x: 1.0, y: 2.0, w: 5.0, h: 5.0 }), None]);
-        // LaSOT has all labels in a line, and boxes where the target is not to be seen.
+        // LaSOT has all labels in one line, and boxes in frames in which the target is not visible.
         write("lasot/cat-1/groundtruth.txt", "2,3,5,5\n3,3,5,5\n4,3,5,5\n");
         write("lasot/cat-1/full_occlusion.txt", "0,1,0");
         write("lasot/cat-1/out_of_view.txt", "0,0,1\n");

@@ -7,11 +7,11 @@ use serde_json::{Value, json};
 use super::compare::{Evaluation, Spread};
 use super::metrics::Score;
 
-/// A share read above this, per cent, is that of whole pictures.
+/// A percentage read above this counts as whole pictures.
 const WHOLE: f64 = 99.995;
 
-/// Aligned text. One tracker: a line a sequence. Several: success AUC and precision of each, sequence by
-/// sequence, then a line a tracker, then the first against each of the others. Sequences a tracker has no result for show as `-` and are named below.
+/// Formats as aligned text. One tracker: one line per sequence. Several: success AUC and precision of each, sequence by sequence, then one
+/// line per tracker, then the first against each of the others. Sequences without a result show `-` and are named below.
 pub fn text(evaluations: &[Evaluation]) -> String {
     let mut names: Vec<&str> = evaluations.iter().flat_map(|e| &e.rows).map(|row| row.sequence.as_str()).collect();
     names.sort();
@@ -49,8 +49,8 @@ pub fn text(evaluations: &[Evaluation]) -> String {
     out
 }
 
-/// The first tracker against each of the others, on the sequences that both have: the mean difference of AUC, and how many
-/// sequences have the better and the worse AUC.
+/// Compares the first tracker with each of the others, on the sequences of both: the mean difference of AUC, and the numbers of sequences
+/// with better and with worse AUC.
 fn against(evaluations: &[Evaluation]) -> Vec<Vec<String>> {
     let [ours, others @ ..] = evaluations else { return vec![] };
     let first = format!("{} against", ours.tracker);
@@ -68,7 +68,7 @@ fn against(evaluations: &[Evaluation]) -> Vec<Vec<String>> {
     lines
 }
 
-/// All figures, and curves of the means, as JSON. Numbers that are infinite become null.
+/// Returns all scores, and the mean curves, as JSON. Infinite numbers become null.
 pub fn json(evaluations: &[Evaluation]) -> Value {
     let spread = |s: Option<Spread>| json!(s);
     let one = |e: &Evaluation| {
@@ -84,12 +84,11 @@ pub fn json(evaluations: &[Evaluation]) -> Value {
     json!({ "trackers": evaluations.iter().map(one).collect::<Vec<_>>() })
 }
 
-/// The figures of some trackers, a line each. Columns that say the same of all are left out, and those that say something are
-/// explained in a line below.
+/// Formats the scores of trackers, one line each. Leaves out columns with the same value for all, and explains the others below.
 fn figures(first: &str, lines: &[(String, Score)]) -> String {
     let any = |such: &dyn Fn(&Score) -> bool| lines.iter().any(|(_, score)| such(score));
     let timed = any(&|s| s.fps.is_some());
-    // Whoever reads whole pictures reads 100 % of them.
+    // A tracker of whole pictures reads 100 % of the values.
     let reads = any(&|s| s.read_pct.is_some_and(|read| read < WHOLE));
     let mut heads = vec![first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %"];
     heads.extend(timed.then_some("fps"));
@@ -119,7 +118,7 @@ fn figures(first: &str, lines: &[(String, Score)]) -> String {
     )
 }
 
-/// Columns as wide as needed, two spaces apart; the first to the left, the others to the right.
+/// Aligns columns two spaces apart; the first to the left, the others to the right.
 pub fn aligned(lines: &[Vec<String>]) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
     let width =

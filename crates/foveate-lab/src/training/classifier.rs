@@ -1,8 +1,8 @@
-//! Learning a classifier of single looks by mini-batches: the pictures are shown anew in every epoch, a little otherwise.
+//! Trains a classifier of single glimpses by mini-batches; the pictures vary slightly in every epoch.
 //!
-//! Logistic regression (`softmax.rs`) on features brought to mean 0 and variance 1, by Adam with weight decay apart from it;
-//! what is learned is the running mean of the parameters. The scales of features are those of the first epoch's rows and
-//! end up in the weights. Same seed, same bits, for any number of threads and after any interruption.
+//! Logistic regression (`softmax.rs`) on standardised features, by Adam with decoupled weight decay; the result is the running mean of the
+//! parameters. The scales of features are those of the first epoch's rows and are merged into the weights. The same seed gives the same
+//! bits, for any number of threads and after any interruption.
 
 use crate::eval::Reliability;
 use foveate_base::rows::Rows;
@@ -16,31 +16,31 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 const CHECKPOINT: &str = "classifier-checkpoint";
-/// What the mean of the parameters takes over of them with every batch.
+/// Update rate of the running mean of the parameters per batch.
 const SHARE: f32 = 0.01;
-/// Features that vary less than this share of the one that varies most are not blown up.
+/// Features with a smaller standard deviation than this fraction of the largest are not amplified.
 const FLAT: f64 = 0.02;
 
-/// How to learn.
+/// Training settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
     /// n_c.
     pub classes: usize,
-    /// Times that every picture is shown.
+    /// Passes over the pictures.
     pub epochs: usize,
-    /// Pictures of a mini-batch; the last one of an epoch may have fewer.
+    /// Size of a mini-batch; the last one of an epoch may be smaller.
     pub batch: usize,
-    /// Step size.
+    /// Learning rate.
     pub rate: f32,
-    /// Pull of the weights towards 0 with every step, in proportion to them.
+    /// Weight decay per step.
     pub decay: f32,
-    /// Names all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
 impl Recipe {
-    /// The usual settings, to be changed field by field.
+    /// Returns the default settings, to be changed field by field.
     pub fn new(classes: usize) -> Self {
         Self { classes, epochs: 100, batch: 32, rate: 0.002, decay: 0.002, seed: 1 }
     }
@@ -59,24 +59,24 @@ impl Recipe {
     }
 }
 
-/// Named numbers of a training: parameters, their mean, and Adam's two moments, each W (n_in × n_c), then b.
+/// Names of the stored parameters, their mean, and Adam's two moments, each W (n_in × n_c), then b.
 const NAMES: [&str; 4] = ["now", "mean", "first", "second"];
 
-/// A classifier being learned.
+/// The state of a training run.
 #[derive(Debug)]
 pub struct Trainer {
     recipe: Recipe,
-    /// Features less this …
+    /// Subtracted from the features …
     centre: Vec<f32>,
-    /// … times this.
+    /// … which are then multiplied by this.
     gain: Vec<f32>,
     parts: [Vec<f32>; 4],
     state: EpochState,
 }
 
 impl Trainer {
-    /// Begins at 0. `first` are the features of the pictures as epoch 0 shows them. Fails where the recipe is out of range,
-    /// or there is no row.
+    /// Starts with zero parameters. `first` holds the features of the pictures in epoch 0. Fails if the recipe is out of range, or there is
+    /// no row.
     pub fn new(recipe: Recipe, first: Rows<'_>) -> Result<Self> {
         recipe.check()?;
         if first.is_empty() || !first.data().iter().all(|x| x.is_finite()) {
@@ -102,11 +102,11 @@ impl Trainer {
         })
     }
     foveate_learn::training_accessors!();
-    /// Batches of an epoch with this many rows.
+    /// Returns the number of batches per epoch for this many rows.
     pub fn batches(&self, rows: usize) -> usize {
         rows.div_ceil(self.recipe.batch)
     }
-    /// One mini-batch of the features (and classes) of the pictures as this epoch shows them.
+    /// Trains on one mini-batch of the features and classes of this epoch's pictures.
     pub fn step(&mut self, rows: Rows<'_>, labels: &[u8]) {
         assert!(rows.len() == labels.len() && rows.width() == self.centre.len(), "the rows the training began with");
         let (n_in, n) = (rows.width(), self.recipe.classes);
@@ -142,14 +142,14 @@ impl Trainer {
             widen: 1.0 / (1.0 - b2.powi(t)).sqrt(),
             least: 1e-6,
             pull: self.recipe.decay,
-            // In the beginning the mean is over all steps.
+            // At the beginning the mean is over all steps.
             share: SHARE.max(1.0 / t as f32),
         };
         let [first, second] = moments;
         kernels::adam(adam, now, &gradient, [first, second], mean);
         self.state.done(self.batches(rows.len()));
     }
-    /// The classifier as it stands, for features as they are.
+    /// Returns the current classifier, for features that are not standardised.
     pub fn learned(&self) -> Result<Softmax> {
         let (n_in, n) = (self.centre.len(), self.recipe.classes);
         let (w, b) = self.parts[1].split_at(n_in * n);
@@ -163,15 +163,15 @@ impl Trainer {
         }
         Softmax::new(weights, bias, 1.0)
     }
-    /// Writes a checkpoint; the file is whole or as it was before. `data` names pictures and first layer.
+    /// Writes a checkpoint; after an error the previous file stays. `data` identifies pictures and first layer.
     pub fn save(&self, path: &Path, data: &str) -> Result<()> {
         let all = NAMES.iter().zip(&self.parts).map(|(name, part)| (*name, vec![part.len()], &part[..]));
         save(path, CHECKPOINT, (&self.recipe, self.progress(), data), &all.collect::<Vec<_>>())
     }
-    /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs), pictures and first layer; `first`
-    /// as [`Trainer::new`] had it.
+    /// Resumes from a checkpoint with the same recipe (except the number of epochs), pictures and first layer; `first` as in
+    /// [`Trainer::new`].
     ///
-    /// Fails, with the reason, if any of them is another, or the file is damaged.
+    /// Fails, with the reason, if any of them differs, or the file is damaged.
     pub fn resume(path: &Path, recipe: Recipe, first: Rows<'_>, data: &str) -> Result<Self> {
         let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
         let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("pictures", data))?;
@@ -184,18 +184,18 @@ impl Trainer {
     }
 }
 
-/// How well held-out rows are told apart.
+/// The results on held-out rows.
 #[derive(Clone, Debug)]
 pub struct Held {
-    /// Accuracy, log loss and calibration error. The temperature of each half of the rows was fitted on the other half, so
-    /// that none is judged by what it was fitted to.
+    /// Accuracy, log loss and calibration error. The temperature of each half of the rows was fitted on the other half, so that no row is
+    /// tested with a temperature fitted to it.
     pub reliability: Reliability,
-    /// Decisions: a row for each true class, a column for each decided one.
+    /// Confusion matrix: a row for each true class, a column for each decided one.
     pub confusion: Vec<Vec<usize>>,
 }
 
-/// Fits the temperature on rows that the classifier was not learned from. It is at least 1: a few pictures that are all told
-/// apart rightly would else make it as sure as it can be.
+/// Fits the temperature on held-out rows. It is at least 1: a few pictures that are all classified correctly would otherwise make the
+/// classifier overconfident.
 pub fn calibrated(softmax: Softmax, rows: Rows<'_>, labels: &[u8]) -> Softmax {
     let mut log_p = vec![0.0; labels.len() * softmax.classes()];
     let softmax = softmax.at(1.0);
@@ -204,7 +204,7 @@ pub fn calibrated(softmax: Softmax, rows: Rows<'_>, labels: &[u8]) -> Softmax {
     softmax.at(t)
 }
 
-/// Judges a classifier (at temperature 1) on rows that it was not learned from.
+/// Tests a classifier (at temperature 1) on held-out rows.
 pub fn judge(softmax: &Softmax, rows: Rows<'_>, labels: &[u8]) -> Held {
     let n = softmax.classes();
     let mut log_p = vec![0.0; labels.len() * n];
@@ -273,15 +273,14 @@ mod tests {
         let other = Trainer::resume(&path, recipe, data, "those").expect_err("other pictures").to_string();
         assert!(other.contains("other pictures"), "{other}");
 
-        // Classes 2 apart by one deviation: 200 new rows, seed 2; of a right classifier 190 are right or more but for once in
-        // a million.
+        // Classes 2 apart by one deviation: 200 new rows, seed 2; a correct classifier gets fewer than 190 right once in a million.
         let (x, y) = rows(200, 2);
         let held = judge(&whole.learned().expect("finite"), Rows::new(&x, 10), &y);
         assert!(held.reliability.accuracy > 0.95, "{:?}", held.reliability);
         let right: usize = (0..3).map(|c| held.confusion[c][c]).sum();
         assert_eq!(right as f64 / 200.0, held.reliability.accuracy);
         assert_eq!(held.confusion.iter().flatten().sum::<usize>(), 200);
-        // All of a few are right: that is no reason to be surer.
+        // All of a few are right: this must not increase the confidence.
         let few = calibrated(whole.learned().expect("finite"), Rows::new(&x[..30], 10), &y[..3]);
         assert_eq!(few.temperature(), 1.0);
         // One row alone can be judged too.

@@ -1,16 +1,16 @@
-//! What hidden units look for: their weights drawn back on the retina's cells.
+//! Pictures of hidden units: their weights drawn on the retina's cells.
 
 use foveate_base::Result;
 use foveate_base::rows::Rows;
 use foveate_core::identity::retina::Cell;
 use foveate_core::scene::Image;
 
-/// Least side of one unit's tile, pixels.
+/// Minimum side of one unit's tile, pixels.
 const TILE: usize = 48;
 
-/// A grey picture of the first `most` columns of `weights` (n_v × n_h), one a hidden unit, in a grid; 128 for weight 0,
-/// each unit on its own scale from −max to max. Cells of further channels stand beside the grey ones. Fails if there are
-/// not as many cells as visible units.
+/// Draws a grey picture of the first `most` columns of `weights` (n_v × n_h), one per hidden unit, in a grid; 128 for weight 0, each unit
+/// on its own scale from −max to max. Cells of further channels are drawn beside the grey ones. Fails if there are not as many cells as
+/// visible units.
 pub fn picture(weights: Rows<'_>, cells: &[Cell], most: usize) -> Result<Image> {
     let (n_v, n_h) = (weights.len(), weights.width());
     if cells.len() != n_v {
@@ -21,7 +21,7 @@ pub fn picture(weights: Rows<'_>, cells: &[Cell], most: usize) -> Result<Image> 
     }
     let reach = cells.iter().map(|c| c.u.abs().max(c.v.abs()) + c.half).fold(0.0, f64::max);
     let finest = cells.iter().map(|c| c.half).fold(f64::INFINITY, f64::min);
-    // A whole number of pixels to the finest cell.
+    // A whole number of pixels per finest cell.
     let across = (reach / finest).round().max(1.0) as usize;
     let side = across * TILE.div_ceil(across);
     let channels = 1 + cells.iter().map(|c| c.channel).max().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! Pictures with places to look at.
+//! Training images with fixations.
 
 use super::TrainingImage;
 use crate::Digits;
@@ -12,14 +12,14 @@ use std::borrow::Cow;
 
 /// Sides of a canvas of digits, pixels.
 const CANVAS: usize = 140;
-/// Digits on it: as dense as the authors' videos, or less.
+/// Number of digits on a canvas: at most as dense as in the authors' videos.
 const CROWD: std::ops::RangeInclusive<usize> = 3..=12;
-/// Farthest that a look near a digit is from its centre, pixels along an axis: a gaze and the particles' spread.
+/// Maximum distance of a glimpse near a digit from its centre, pixels along an axis: a gaze and the particles' spread.
 const NEAR: f64 = 14.0;
 
-/// A canvas of digits: clean (40 %), with the authors' noise under the ink at a third to four thirds of their density
-/// (35 %), with some of all pixels replaced by noise (10 %), or with Gaussian noise over everything (15 %). Nine of ten
-/// looks are near a digit, the tenth anywhere; the target's size is off by up to 15 %, and its angle by a few degrees.
+/// Draws a canvas of digits: clean (40 %), with the authors' noise under the ink at a third to four thirds of their density (35 %), with
+/// noise in some of all pixels (10 %), or with Gaussian noise everywhere (15 %). Nine of ten glimpses are near a digit, the tenth anywhere;
+/// the target's size is off by up to 15 %, and its angle by a few degrees.
 pub(super) fn digits(digits: &Digits, looks: usize, rng: &mut Rng) -> TrainingImage<'static> {
     let mut canvas = vec![0u8; CANVAS * CANVAS];
     let mut centres = Vec::new();
@@ -69,14 +69,14 @@ pub(super) fn digits(digits: &Digits, looks: usize, rng: &mut Rng) -> TrainingIm
     TrainingImage { image: Cow::Owned(image), extent, looks }
 }
 
-/// A photograph seen as a target of random size: 0.5 to 4 pixels a template pixel (`side` of which make the target's
-/// box), between half as wide as high and twice; looks anywhere, turned by up to 0.3 rad, mirrored half the time.
+/// Samples a photograph as a target of random size: 0.5 to 4 pixels per template pixel (`side` template pixels make the target's box), with
+/// an aspect ratio from a half to two; glimpses anywhere, rotated by up to 0.3 rad, mirrored half the time.
 pub(super) fn photograph<'a>(images: &'a [Image], side: f64, looks: usize, rng: &mut Rng) -> TrainingImage<'a> {
     let image = &images[rng.random_range(0..images.len())];
     let half = side / 2.0 * rng.random_range(f64::ln(0.5)..f64::ln(4.0)).exp();
     let stretch = rng.random_range(-0.35f64..0.35).exp();
     let extent = Extent { half_w: half * stretch, half_h: half / stretch };
-    // Half a target from the border where the picture is large enough.
+    // Half a target from the border, if the picture is large enough.
     let along = |n: usize, half: f64| {
         let margin = half.min(0.35 * n as f64);
         move |rng: &mut Rng| rng.random_range(margin..n as f64 - margin)

@@ -1,7 +1,7 @@
-//! Glimpses to learn from: what a retina sees of many pictures, row after row (section 2.1).
+//! Training glimpses: a retina's glimpses of many pictures, row after row (section 2.1).
 //!
-//! A *training image* is a canvas of digits drawn for the purpose, or a photograph, with fixations. Image i depends on the
-//! seed and i alone, so images are made by all threads and the rows are the same for any number of them.
+//! A *training image* is a canvas of drawn digits, or a photograph, with fixations. Image i depends on the seed and i alone, so threads
+//! make images in parallel and the rows are the same for any number of threads.
 
 pub mod classifier;
 pub mod filters;
@@ -30,17 +30,17 @@ use std::path::Path;
 /// Glimpses taken of one training image.
 const GLIMPSES: usize = 32;
 
-/// The sets there are.
+/// The data sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Set {
     /// Canvases of MNIST digits, clean and noisy: for the paper's first experiments.
     Digits,
-    /// Photographs, at any place, scale and small turn: for everything else.
+    /// Photographs, at any place and scale, with small rotations: for everything else.
     Natural,
 }
 
-/// Where glimpses come from.
+/// A source of glimpses.
 #[derive(Clone, Debug)]
 pub struct Source {
     pictures: Pictures,
@@ -53,7 +53,7 @@ enum Pictures {
     Photographs(Vec<Image>),
 }
 
-/// One picture, and where to look at it.
+/// A picture with its fixations.
 struct TrainingImage<'a> {
     image: Cow<'a, Image>,
     extent: Extent,
@@ -76,23 +76,23 @@ impl Source {
             }
         }
     }
-    /// Digits that are at hand already.
+    /// Uses loaded digits.
     pub fn of_digits(digits: Digits) -> Self {
         let sha256 = hex(Sha256::new_with_prefix(&digits.images).chain_update(&digits.labels));
         Self { pictures: Pictures::Digits(digits), sha256 }
     }
-    /// SHA-256 of what was read: the digits' pixels and labels, or the photographs' files in the order of their names.
+    /// Returns the SHA-256 of the input: the digits' pixels and labels, or the photographs' files in the order of their names.
     pub fn sha256(&self) -> &str {
         &self.sha256
     }
-    /// For people: "60000 digits".
+    /// Returns a description such as "60000 digits".
     pub fn describe(&self) -> String {
         match &self.pictures {
             Pictures::Digits(digits) => format!("{} digits", digits.len()),
             Pictures::Photographs(images) => format!("{} photographs", images.len()),
         }
     }
-    /// Sets every tenth digit or photograph aside: (to learn from, held out). Fails with fewer than two.
+    /// Holds out every tenth digit or photograph: returns (training, held out). Fails with fewer than two.
     pub fn split(&self) -> Result<(Self, Self)> {
         let part = |held: bool| {
             let takes = |i: &usize| (i % 10 == 9) == held;
@@ -125,9 +125,8 @@ impl Source {
             Pictures::Photographs(images) => images.is_empty(),
         }
     }
-    /// `n` glimpses, n × `retina.glimpse_len()` values: 0 to 1 for binary units, each channel standardised for Gaussian
-    /// ones (as the encoder does). Deterministic in `seed`, for any number of threads. Fails where so many take more memory than
-    /// there may be.
+    /// Returns `n` glimpses, n × `retina.glimpse_len()` values: 0 to 1 for binary units, each channel standardised for Gaussian ones (as in
+    /// the encoder). Deterministic in `seed`, for any number of threads. Fails if the glimpses need more memory than allowed.
     pub fn glimpses(&self, retina: &Foveal, n: usize, visible: Visible, seed: u64) -> Result<Vec<f32>> {
         assert!(!self.is_empty(), "glimpses need a picture");
         let bytes = (n as u64).saturating_mul((size_of::<f32>() * retina.glimpse_len()) as u64);
@@ -151,7 +150,7 @@ impl Source {
             for (row, &look) in rows.chunks_exact_mut(width).zip(&training.looks) {
                 retina.look(pyramid, look, row);
                 match visible {
-                    // Rounding may leave a mean a hair outside.
+                    // Rounding may move a mean slightly outside.
                     Visible::Bernoulli => row.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0)),
                     Visible::Gaussian => standard.condition(row),
                 }
@@ -161,7 +160,7 @@ impl Source {
     }
 }
 
-/// SHA-256 of rows, as a checkpoint knows its data by.
+/// Returns the SHA-256 of rows, which identifies the data of a checkpoint.
 pub fn sha256_of(rows: &[f32]) -> String {
     let mut sha = Sha256::new();
     rows.chunks(4096).for_each(|part| sha.update(part.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()));
@@ -172,7 +171,7 @@ fn hex(sha: Sha256) -> String {
     sha.finalize().iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// All pictures of a folder in the order of their names, and the SHA-256 of their bytes joined.
+/// Returns all pictures of a folder in the order of their names, and the SHA-256 of their joined bytes.
 fn photographs(dir: &Path) -> Result<(Vec<Image>, String)> {
     let entries = std::fs::read_dir(dir).map_err(Error::io(dir, "cannot read the folder"))?;
     let mut paths = Vec::new();
@@ -188,7 +187,7 @@ fn photographs(dir: &Path) -> Result<(Vec<Image>, String)> {
     }
     paths.sort();
     let (mut images, mut sha) = (Vec::new(), Sha256::new());
-    // As many files at a time as are decoded side by side.
+    // Reads as many files at a time as are decoded in parallel.
     for paths in paths.chunks(rayon::current_num_threads()) {
         let files = paths.iter().map(|path| files::read(path, files::PICTURE)).collect::<Result<Vec<_>>>()?;
         files.iter().for_each(|bytes| sha.update(bytes));
@@ -201,7 +200,7 @@ fn photographs(dir: &Path) -> Result<(Vec<Image>, String)> {
     Ok((images, hex(sha)))
 }
 
-/// The retina of a configuration file, of which nothing but the table `[retina]` is looked at.
+/// Returns the retina of a configuration file; ignores all other tables than `[retina]`.
 pub fn retina_of_config(path: &Path) -> Result<FovealConfig> {
     #[derive(Deserialize)]
     struct Only {
@@ -218,7 +217,7 @@ mod tests {
     use super::*;
     use foveate_core::identity::encoder;
 
-    /// Ten digits that are filled squares.
+    /// Returns ten digits that are filled squares.
     fn squares(n: usize) -> Digits {
         let pixel = |i: usize| if (6..22).contains(&(i / 28)) && (6..22).contains(&(i % 28)) { 255 } else { 0 };
         Digits {
@@ -249,7 +248,7 @@ mod tests {
         assert!((0.1..0.6).contains(&mean), "{mean}");
     }
 
-    /// A picture of 4 x 2 pixels that a camera held upright wrote: an orientation mark turns it.
+    /// Returns a picture of 4 x 2 pixels from a camera held upright: an orientation tag rotates it.
     pub(super) fn lying() -> Vec<u8> {
         let jpeg = foveate_video::encode_jpeg(&Image::grey(4, 2, 90), 90);
         let mark = b"\xff\xe1\0\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";

@@ -1,4 +1,4 @@
-//! A folder of pictures for each class, and what a retina sees of them: the data of a user's own recogniser.
+//! One folder of pictures per class, and a retina's glimpses of them: the data of a user's own recogniser.
 
 use foveate_base::rng::{Purpose, Rng, Streams};
 use foveate_base::rows::{Rows, RowsMut};
@@ -16,12 +16,12 @@ use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The longer side of a picture in memory, pixels; larger ones are made smaller.
+/// Maximum longer side of a picture in memory, pixels; larger ones are reduced.
 const SIDE: u32 = 128;
-/// The most classes.
+/// Maximum number of classes.
 const MOST: usize = 256;
 
-/// Pictures with a class each, grey or in colour, in the order of classes, then of file names.
+/// Pictures with a class each, grey or in colour, sorted by class and then by file name.
 #[derive(Clone, Debug)]
 pub struct Pictures {
     images: Vec<Image>,
@@ -31,10 +31,10 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Reads every JPEG and PNG file of every folder in `dir`; a folder's name is its class. Folders and files whose names
-    /// begin with a dot do not count. Colours become grey unless `colours`, for a retina that reads colour.
+    /// Reads every JPEG and PNG file of every folder in `dir`; a folder's name is its class. Skips folders and files with names that begin
+    /// with a dot. Colours become grey unless `colours` is true, for a retina that reads colour.
     ///
-    /// Fails where there are not two to 256 such folders, one has fewer than two pictures, or a picture cannot be read.
+    /// Fails if there are not two to 256 such folders, one has fewer than two pictures, or a picture cannot be read.
     pub fn load(dir: &Path, colours: bool) -> Result<Self> {
         let folders: Vec<PathBuf> = sorted(dir)?.into_iter().filter(|p| p.is_dir()).collect();
         if !(2..=MOST).contains(&folders.len()) {
@@ -76,28 +76,28 @@ impl Pictures {
         let (images, labels) = (read.into_iter().map(|r| r.0).collect(), files.iter().map(|f| f.1).collect());
         Ok(Self { images, labels, names, sha256: super::hex(sha) })
     }
-    /// How many.
+    /// Returns the number of pictures.
     pub fn len(&self) -> usize {
         self.images.len()
     }
-    /// Whether there is none.
+    /// Returns whether there are no pictures.
     pub fn is_empty(&self) -> bool {
         self.images.is_empty()
     }
-    /// A class for each.
+    /// Returns the class of each picture.
     pub fn labels(&self) -> &[u8] {
         &self.labels
     }
-    /// What the classes are called.
+    /// Returns the names of the classes.
     pub fn names(&self) -> &[String] {
         &self.names
     }
-    /// SHA-256 of names, files and classes.
+    /// Returns the SHA-256 of names, files and classes.
     pub fn sha256(&self) -> &str {
         &self.sha256
     }
-    /// (To learn from, held out): of each class the last of five files by name, at least one. The last, not any: files that
-    /// were cut from one video are nearly alike from one to the next, and to tell those apart is no art.
+    /// Returns (training, held out): the last of five files of each class by name, at least one, is held out. Consecutive files cut from
+    /// one video are nearly identical, so a random choice would make the test too easy.
     pub fn split(&self) -> (Self, Self) {
         let counts: Vec<usize> = (0..self.names.len()).map(|c| self.of_class(c)).collect();
         let part = |held: bool| {
@@ -115,13 +115,13 @@ impl Pictures {
         };
         (part(false), part(true))
     }
-    /// Pictures of a class.
+    /// Returns the number of pictures of a class.
     pub fn of_class(&self, class: usize) -> usize {
         self.labels.iter().filter(|l| usize::from(**l) == class).count()
     }
 }
 
-/// What a folder holds, by name.
+/// Returns the contents of a folder, by name.
 fn sorted(dir: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = vec![];
     for entry in std::fs::read_dir(dir).map_err(Error::io(dir, "cannot read the folder of pictures"))? {
@@ -134,7 +134,7 @@ fn sorted(dir: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// A picture from the bytes of its file, grey or in colour, at most [`SIDE`] pixels along a side.
+/// Decodes a picture, grey or in colour, at most [`SIDE`] pixels along a side.
 fn small(bytes: &[u8], colours: bool) -> std::result::Result<Image, String> {
     let picture = foveate_video::decode_image(bytes)
         .map_err(|e| format!("not a picture that can be read ({e}); remove it or save it anew"))?;
@@ -155,42 +155,42 @@ fn small(bytes: &[u8], colours: bool) -> std::result::Result<Image, String> {
     image.map_err(|e| e.to_string())
 }
 
-/// How far what is shown departs from the picture as it is.
+/// Random variation of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Variation {
-    /// Largest error of the place along an axis, in half boxes.
+    /// Maximum position error along an axis, in half boxes.
     pub jitter: f64,
-    /// Largest error of the logarithm of the size.
+    /// Maximum error of the logarithm of the size.
     pub log_scale: f64,
     /// Standard deviation of the angle, radians.
     pub angle: f64,
-    /// Largest change of the logarithm of contrast, and half of it of brightness.
+    /// Maximum change of the logarithm of contrast; the change of brightness is half of it.
     pub contrast: f64,
-    /// Standard deviation of the noise of a value, where white is 1.
+    /// Standard deviation of the noise of a value; white is 1.
     pub noise: f64,
 }
 
 impl Variation {
-    /// As a tracker's box is off: a tenth of a box, a sixth of the size, a little turned, in another light.
+    /// Returns the variation of a tracker's box: a tenth of a box, a sixth of the size, slightly rotated, with other lighting.
     pub fn of_tracks() -> Self {
         Self { jitter: 0.15, log_scale: 0.15, angle: 0.08, contrast: 0.4, noise: 0.02 }
     }
 }
 
-/// From pictures to features: one look at the middle of each, whose box is the whole picture.
+/// Computes features of pictures: one glimpse at the centre of each, with the whole picture as its box.
 pub struct FeatureExtractor {
-    /// Where values come from.
+    /// The retina.
     pub retina: Foveal,
     /// The first layer.
     pub encoder: Arc<dyn Encoder>,
-    /// How pictures are shown.
+    /// The variation of the pictures.
     pub variation: Variation,
-    /// Names all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
 impl FeatureExtractor {
-    /// Features of every picture as epoch `epoch` shows it, a row each; within 0 and 1, as recognition reads them.
+    /// Returns the features of every picture with the variation of epoch `epoch`, a row each; clamped to 0 to 1, as in recognition.
     pub fn look(&self, pictures: &Pictures, epoch: u64) -> Vec<f32> {
         let ((n_v, n_h), streams) = (self.encoder.shape(), Streams::new(self.seed, 0).at(epoch, Purpose::Scene));
         let mut rows = vec![0.0; pictures.len() * n_h];
@@ -220,7 +220,7 @@ impl FeatureExtractor {
         pyramid.build(image, region, self.retina.footprints(), (size * half.0, size * half.1));
         self.retina.look(pyramid, state.fixate(Gaze::CENTRE, extent), glimpse);
         for (x, cell) in glimpse.iter_mut().zip(self.retina.cells()) {
-            // More light makes nothing redder.
+            // More light does not make anything redder.
             let light = if cell.channel == 0 { light } else { 0.0 };
             *x = (0.5 + gain * (*x - 0.5) + light + (v.noise * normal()) as f32).clamp(0.0, 1.0);
         }

@@ -1,4 +1,4 @@
-//! How well a recogniser knows digits: single decisions, and decisions gathered over many looks.
+//! A recogniser's accuracy on digits: single decisions, and decisions accumulated over many glimpses.
 
 use super::sequences::FixationSampler;
 use crate::Digits;
@@ -7,23 +7,23 @@ use foveate_base::Result;
 use foveate_core::geometry::Gaze;
 use foveate_core::identity::{MultiFixation, Recognizer};
 
-/// What was decided after some number of looks.
+/// The results after a number of glimpses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Looks taken.
+    /// Number of glimpses.
     pub looks: usize,
-    /// Share of digits that the last Δ looks alone decide rightly.
+    /// Fraction of digits with a right decision from the last Δ glimpses alone.
     pub single: f64,
-    /// Share that the sum of all log-probabilities so far decides rightly, one for every look.
+    /// Fraction of digits with a right decision from the sum of all log-probabilities so far, one per glimpse.
     pub gathered: f64,
 }
 
-/// Digits a curve keeps in memory at a time.
+/// Number of digits that a curve holds in memory at a time.
 const TOGETHER: usize = 250;
 
-/// Accuracy against the number of looks, 1 to the sampler's window, and how reliable single decisions on Δ looks are.
+/// Computes accuracy against the number of glimpses, 1 to the sampler's window, and the calibration of single decisions on Δ glimpses.
 ///
-/// The sampler's window is the number of looks, not Δ. Fails where it has no digits, or does not fit the recogniser.
+/// The sampler's window is the number of glimpses, not Δ. Fails if it has no digits, or does not fit the recogniser.
 pub fn curve(
     recogniser: &MultiFixation,
     sampler: &FixationSampler,

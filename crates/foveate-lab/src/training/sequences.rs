@@ -1,7 +1,7 @@
-//! Sequences of fixations to learn recognition from: digits, and where to look at each of them (section 2.2).
+//! Sequences of fixations for training recognition: digits with gazes (section 2.2).
 //!
-//! Digit i of epoch e depends on (seed, e, i) alone. Clean and centred digits give the same sequences in every epoch where
-//! the gazes are fixed, and other ones where they are drawn.
+//! Digit i of epoch e depends on (seed, e, i) alone. Clean and centred digits give the same sequences in every epoch if the gazes are
+//! fixed, and different ones if they are drawn.
 
 use crate::Digits;
 use crate::idx::SIDE;
@@ -19,17 +19,17 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Side of the canvas around a digit, pixels: what a fovea of 24 px sees from gazes half a box off the centre.
+/// Side of the canvas around a digit, pixels: covers a fovea of 24 px at gazes half a box from the centre.
 const CANVAS: usize = 60;
-/// Digits a thread takes at a time.
+/// Number of digits that a thread processes at a time.
 const TOGETHER: usize = 64;
 
-/// Which gazes a sequence has.
+/// The gazes of a sequence.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Gazes {
-    /// These, in this order, all of them.
+    /// All of these, in this order.
     All(Vec<Gaze>),
-    /// Drawn among the places, none twice until all were taken.
+    /// Drawn from the places without replacement, until all were taken.
     Among,
     /// Drawn from the square from −reach to reach, template units.
     Within {
@@ -38,47 +38,47 @@ pub enum Gazes {
     },
 }
 
-/// How digits are shown.
+/// Random variation of digits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Nuisance {
-    /// Largest error of the place along an axis, pixels.
+    /// Maximum position error along an axis, pixels.
     pub jitter: f64,
-    /// Largest error of the logarithm of the size.
+    /// Maximum error of the logarithm of the size.
     pub log_scale: f64,
     /// Standard deviation of the angle, radians.
     pub angle: f64,
-    /// Share of digits with one or two others around, some of whose ink they cover.
+    /// Fraction of digits with one or two others around, which partly cover them.
     pub cluttered: f64,
-    /// Share of digits on salt-and-pepper noise of up to a fifth of the black pixels.
+    /// Fraction of digits on salt-and-pepper noise of up to a fifth of the black pixels.
     pub noisy: f64,
 }
 
 impl Nuisance {
-    /// As along a track: 1.5 px off, a little turned, three of ten among others, one of five on noise.
+    /// Returns the variation along a track: 1.5 px off, slightly rotated, three of ten among others, one of five on noise.
     pub fn of_tracks() -> Self {
         Self { jitter: 1.5, log_scale: 0.05, angle: 0.05, cluttered: 0.3, noisy: 0.2 }
     }
 }
 
-/// From digits to sequences of what an encoder makes of glimpses.
+/// Makes sequences of encoded glimpses of digits.
 pub struct FixationSampler {
-    /// Where values come from.
+    /// The retina.
     pub retina: Foveal,
-    /// The first layer; none for the glimpse itself.
+    /// The first layer; `None` for the glimpse itself.
     pub encoder: Option<Arc<dyn Encoder>>,
-    /// Which places have a code of their own.
+    /// The places with their own code.
     pub places: Places,
-    /// Where to look.
+    /// The gazes.
     pub gazes: Gazes,
-    /// Fixations of a sequence.
+    /// Number of fixations of a sequence.
     pub window: usize,
-    /// How digits are shown.
+    /// The variation of digits.
     pub nuisance: Nuisance,
-    /// Names all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// Sequences that were made.
+/// Sampled sequences.
 #[derive(Clone, Debug)]
 pub struct FixationData {
     features: Vec<f32>,
@@ -90,24 +90,24 @@ pub struct FixationData {
 }
 
 impl FixationData {
-    /// As training takes them.
+    /// Returns the sequences in the form for training.
     pub fn sequences(&self) -> Sequences<'_> {
         let rows = Rows::new(&self.features, self.width);
         Sequences::new(rows, &self.codes, &self.labels, self.window).expect("made to fit, of probabilities")
     }
-    /// Where each row was seen, in template units.
+    /// Returns the gaze of each row, in template units.
     pub fn gazes(&self) -> &[[f64; 2]] {
         &self.gazes
     }
 }
 
 impl FixationSampler {
-    /// Values of a row.
+    /// Returns the number of values of a row.
     pub fn width(&self) -> usize {
         self.encoder.as_ref().map_or(self.retina.glimpse_len(), |encoder| encoder.shape().1)
     }
-    /// A sequence of each of `digits`, as epoch `epoch` shows them. Fails without digits, or where the gazes, the window
-    /// and the encoder do not fit.
+    /// Returns a sequence of each of `digits`, with the variation of epoch `epoch`. Fails without digits, or if the gazes, the window and
+    /// the encoder do not fit.
     pub fn look(&self, digits: &Digits, epoch: u64) -> Result<FixationData> {
         let gazes = if let Gazes::All(gazes) = &self.gazes { gazes.len() } else { self.window };
         let fits = self.encoder.as_ref().is_none_or(|e| e.shape().0 == self.retina.glimpse_len());
@@ -194,7 +194,7 @@ impl FixationSampler {
     }
 }
 
-/// Digit `index` in the middle of a canvas, over whatever else is there.
+/// Draws digit `index` at the centre of a canvas, over any other digits.
 fn canvas(digits: &Digits, index: usize, nuisance: Nuisance, rng: &mut Rng) -> Image {
     let mut canvas = vec![0u8; CANVAS * CANVAS];
     let middle = (CANVAS - SIDE) / 2;
@@ -223,8 +223,8 @@ fn canvas(digits: &Digits, index: usize, nuisance: Nuisance, rng: &mut Rng) -> I
     Image::new(CANVAS, CANVAS, 1, canvas).expect("the canvas was made to these sides")
 }
 
-/// The retina and gazes of Larochelle & Hinton's MNIST experiment (2010, section 6.1), nearly: 36 pixels and 60 cells of
-/// 3 px (theirs: 38, and 60 hexagons that grow outwards), at the corners of a square of 10 px around the centre.
+/// Returns approximately the retina and gazes of Larochelle & Hinton's MNIST experiment (2010, section 6.1): 36 pixels and 60 cells of 3 px
+/// (theirs: 38, and 60 hexagons that grow outwards), at the corners of a square of 10 px around the centre.
 pub fn larochelle_hinton() -> Result<(foveate_core::identity::retina::FovealConfig, Vec<Gaze>)> {
     let retina = foveate_core::identity::retina::FovealConfig {
         rings: vec![[6, 1], [24, 3]],
@@ -270,7 +270,7 @@ mod tests {
             assert!(places[0] != places[1] && places[0] != places[2] && places[1] != places[2]);
             assert!(codes.iter().all(|c| c.parts().count() == 1) && gazes.iter().flatten().all(|x| x.abs() <= 0.5));
         }
-        // The fovea of the centre is the digit's own middle pixels.
+        // The fovea at the centre equals the digit's own middle pixels.
         let gazes = Gazes::All(vec![Gaze::CENTRE; 3]);
         let made = sampler(gazes, Nuisance::default()).look(&digits, 0).expect("digits");
         let row = made.sequences().glimpses().row(0);

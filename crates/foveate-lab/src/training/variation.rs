@@ -1,4 +1,4 @@
-//! How features of targets vary along tracks with truth: their covariance about the mean over each track.
+//! The variation of target features along tracks with ground truth: their covariance about the mean over each track.
 
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result, files};
@@ -15,33 +15,33 @@ use sha2::{Digest, Sha256};
 
 use crate::eval::Sequence;
 
-/// Frames of a track, at least, to tell how it varies.
+/// Minimum number of frames of a track.
 const FRAMES: usize = 3;
 
-/// What was learned, and of what.
+/// The estimated covariance, and its data.
 #[derive(Debug)]
 pub struct Learned {
-    /// How features vary.
+    /// The covariance of the features.
     pub covariance: Covariance,
-    /// How many tracks counted.
+    /// Number of tracks used.
     pub tracks: usize,
-    /// SHA-256 of their pictures and boxes.
+    /// SHA-256 of the tracks' pictures and boxes.
     pub sha256: String,
 }
 
-/// One track, as it is and mirrored.
+/// One track, unchanged and mirrored.
 struct Track {
-    /// Σ δ δᵀ / (frames − 1) of both.
+    /// Σ δ δᵀ / (frames − 1) of both versions.
     products: Vec<f64>,
     sha256: [u8; 32],
 }
 
-/// The covariance of features of the oriented encoder with this retina, from every so many frames of each sequence, as it is and
-/// mirrored; each sequence counts alike. A target is seen in its true box, of the shape that the box of the first frame has. Sequences
-/// with fewer than three such frames do not count.
+/// Returns the covariance of features of the oriented encoder with this retina, from every n-th frame of each sequence, unchanged and
+/// mirrored, with equal weight for each sequence. A target is sampled in its true box, with the aspect ratio of the first frame's box.
+/// Sequences with fewer than three such frames do not count.
 ///
 /// # Errors
-/// Where a picture cannot be read, the retina does not fit the oriented encoder, or no sequence is left.
+/// A picture cannot be read, the retina does not fit the oriented encoder, or no sequence is left.
 pub fn covariance(sequences: &[Sequence], retina: &Foveal, every: usize) -> Result<Learned> {
     let channels: Vec<usize> = retina.cells().iter().map(|cell| cell.channel).collect();
     let alike = Weights { gradients: 1.0, grey: 1.0, colour: 1.0 };
@@ -92,7 +92,7 @@ fn track(sequence: &Sequence, retina: &Foveal, encoder: &Oriented, every: usize)
     Ok(Some(Track { products, sha256: sha.finalize().into() }))
 }
 
-/// Appends what the encoder makes of a box.
+/// Appends the encoded features of a box.
 fn features(image: &Image, bbox: &BBox, retina: &Foveal, encoder: &Oriented, rows: &mut Vec<f64>) {
     let (state, extent, (n_v, n_h)) = (State::of(bbox), Extent::of(bbox), encoder.shape());
     let reach = retina.footprints().iter().map(|f| f.reach + f.side).fold(0.0, f64::max);
@@ -111,7 +111,7 @@ fn mirror(image: &Image) -> Image {
     mirrored
 }
 
-/// Adds the products of deviations from the mean row, divided by the rows less one.
+/// Adds the products of deviations from the mean row, divided by the number of rows minus one.
 fn add_products(rows: &[f64], n: usize, products: &mut [f64]) {
     let count = (rows.len() / n) as f64;
     let mut mean = vec![0.0; n];
@@ -157,7 +157,7 @@ mod tests {
         covariance(&[sequence(dir.path(), dark)], &retina(), 1).expect("six frames").covariance.to_json("", "")
     }
 
-    /// What changes varies otherwise than what does not; the same track, the same. Deviations are from the mean.
+    /// Changing features have another variance than constant ones, and the same track gives the same result. Deviations are from the mean.
     #[test]
     fn what_changes_varies() {
         assert_ne!(of(0), of(3));

@@ -7,35 +7,35 @@ use super::frame_table::FrameTable;
 use super::{HALF, ratio};
 use foveate_core::assignment;
 
-/// Counts of one sequence or of several, and the figures that follow from them.
+/// Counts of one sequence or of several, and the derived scores.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Clear {
     /// 1 − (misses + false positives + switches) / true boxes, at most 1; 0 without a true box.
     pub mota: f64,
     /// Mean overlap of the matches, 0.5 to 1 (motmetrics reports 1 − this); 0 without one.
     pub motp: f64,
-    /// True boxes that were found.
+    /// Number of true boxes that were found.
     pub matches: usize,
-    /// True boxes that were not.
+    /// Number of true boxes that were not found.
     pub misses: usize,
     /// False positives.
     pub false_positives: usize,
-    /// Times a target is found under another id than the last time it was found.
+    /// Number of times that a target is found under another id than before.
     pub switches: usize,
-    /// Times a target is found again after it was not.
+    /// Number of times that a target is found again after a gap.
     pub fragmentations: usize,
     /// Targets found in more than 80 % of their frames.
     pub mostly_tracked: usize,
     /// Targets found in 20 to 80 % of them.
     pub partly_tracked: usize,
-    /// Targets found in fewer.
+    /// Targets found in fewer than 20 % of their frames.
     pub mostly_lost: usize,
     #[serde(skip)]
     overlap: f64,
 }
 
 impl Clear {
-    /// Over several sequences: counts are added.
+    /// Pools several sequences by adding their counts.
     pub fn pooled<'a>(all: impl Iterator<Item = &'a Self>) -> Self {
         let mut sum = Self::default();
         for one in all {
@@ -83,8 +83,8 @@ impl Counter {
         Self { clear: Clear::default(), targets: vec![Target::default(); targets], shared: 0 }
     }
 
-    /// One frame. Pairs of the shared frame before stay together while they overlap by half; the rest is matched for
-    /// the largest sum of overlaps.
+    /// Adds one frame. Pairs of the previous shared frame stay matched while they overlap by half; the rest is matched for the largest sum
+    /// of overlaps.
     pub(super) fn frame(&mut self, frame_table: &FrameTable, overlaps: &[f64]) {
         let (rows, columns) = (frame_table.truth.len(), frame_table.found.len());
         frame_table.truth.iter().for_each(|&(id, _)| self.targets[id].frames += 1);
@@ -105,7 +105,7 @@ impl Counter {
         self.clear.false_positives += columns - matches;
     }
 
-    /// Overlap, 0 below half, and 1000 more for a pair of the shared frame before.
+    /// Returns the overlap, 0 below half, plus 1000 for a pair of the previous shared frame.
     fn scores(&self, frame_table: &FrameTable, overlaps: &[f64]) -> Vec<f64> {
         let pairs = frame_table
             .truth

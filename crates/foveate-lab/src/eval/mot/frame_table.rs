@@ -6,19 +6,19 @@ use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
 use foveate_video::mot::{TrackBox, Tracks};
 
-/// More boxes than this in one frame are refused: matching takes their square in memory.
+/// Maximum number of boxes per frame: matching needs memory for its square.
 const LARGEST_FRAME: usize = 4096;
-/// More pairs of ids than this are refused, for the same reason.
+/// Maximum number of pairs of ids, for the same reason.
 const LARGEST_PAIRS: usize = 50_000_000;
 
-/// Who is in one frame: ids as indices, with their boxes, in the order of the file.
+/// The objects of one frame: ids as indices, with their boxes, in the order of the file.
 pub(super) struct FrameTable {
     pub truth: Vec<(usize, BBox)>,
     pub found: Vec<(usize, BBox)>,
 }
 
 impl FrameTable {
-    /// Intersection over union of each true box (row) with each found one (column).
+    /// Returns the intersection over union of each true box (row) with each result box (column).
     pub(super) fn overlaps(&self) -> Vec<f64> {
         self.truth.iter().flat_map(|(_, t)| self.found.iter().map(|(_, f)| overlap(t, f))).collect()
     }
@@ -37,7 +37,7 @@ fn overlap(a: &BBox, b: &BBox) -> f64 {
     if area(a) <= f64::EPSILON || area(b) <= f64::EPSILON || either <= f64::EPSILON { 0.0 } else { both / either }
 }
 
-/// All of a sequence that scores need.
+/// All data of a sequence for the scores.
 pub(super) struct FrameTables {
     /// Frames with at least one box, in order.
     pub frames: Vec<FrameTable>,
@@ -51,7 +51,7 @@ impl FrameTables {
     /// # Errors
     /// An id is negative or twice in a frame, or there are too many boxes.
     pub(super) fn of(truth: &Tracks, results: &Tracks) -> Result<Self> {
-        // A mark between 0 and 1 is no mark: MOTChallenge's tools cut it to a whole number.
+        // A flag between 0 and 1 counts as 0: MOTChallenge's tools truncate it to a whole number.
         let counts = |s: &&TrackBox| s.confidence.trunc() != 0.0;
         let truth = numbered("truth", truth.sightings.iter().filter(counts).collect())?;
         let found = numbered("results", results.sightings.iter().collect())?;
@@ -81,7 +81,7 @@ impl FrameTables {
 /// Frame, id, box.
 type Numbered = (usize, usize, BBox);
 
-/// Sightings by frame, else in the order of the file, with ids counted from 0; and how many ids there are.
+/// Returns the boxes by frame, otherwise in the order of the file, with ids counted from 0; and the number of ids.
 fn numbered(what: &str, mut sightings: Vec<&TrackBox>) -> Result<(Vec<Numbered>, usize)> {
     if let Some(s) = sightings.iter().find(|s| s.id < 0) {
         let (id, frame) = (s.id, s.frame + 1);

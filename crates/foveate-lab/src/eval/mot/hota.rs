@@ -1,5 +1,5 @@
-//! HOTA (Luiten et al., International Journal of Computer Vision 2021): detection, association and place in one figure, over 19 thresholds of
-//! overlap α = 0.05, 0.10, ..., 0.95.
+//! HOTA (Luiten et al., International Journal of Computer Vision 2021): detection, association and localisation in one score, over 19
+//! overlap thresholds α = 0.05, 0.10, ..., 0.95.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -12,7 +12,7 @@ use foveate_core::assignment;
 /// Number of thresholds.
 pub const ALPHAS: usize = 19;
 
-/// The figures at one threshold; all from 0 to 1.
+/// The scores at one threshold; all from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct AtAlpha {
     /// The overlap that a match needs.
@@ -21,15 +21,15 @@ pub struct AtAlpha {
     pub hota: f64,
     /// Matches over matches, misses and false positives.
     pub det_a: f64,
-    /// Mean over matches of: frames their two tracks share over frames either has.
+    /// Mean over matches of: frames that both tracks share, divided by frames that either has.
     pub ass_a: f64,
-    /// Mean over matches of: frames shared over the target's frames.
+    /// Mean over matches of: shared frames divided by the target's frames.
     pub ass_re: f64,
-    /// Mean over matches of: frames shared over the track's frames.
+    /// Mean over matches of: shared frames divided by the track's frames.
     pub ass_pr: f64,
     /// Mean overlap of the matches; 1 without one.
     pub loc_a: f64,
-    /// Matches.
+    /// Number of matches.
     pub matches: usize,
 }
 
@@ -50,7 +50,7 @@ pub struct Hota {
     pub ass_re: f64,
     /// Association precision.
     pub ass_pr: f64,
-    /// Accuracy of place.
+    /// Localisation accuracy.
     pub loc_a: f64,
     /// One for each threshold.
     pub alphas: [AtAlpha; ALPHAS],
@@ -59,7 +59,7 @@ pub struct Hota {
 }
 
 impl Hota {
-    /// Over several sequences: all matches have equal weight, at each threshold.
+    /// Pools several sequences: all matches have equal weight, at each threshold.
     pub fn pooled<'a>(all: impl Iterator<Item = &'a Self>) -> Self {
         let all: Vec<_> = all.collect();
         let boxes = all.iter().fold((0, 0), |(a, b), one| (a + one.boxes.0, b + one.boxes.1));
@@ -91,7 +91,7 @@ impl Hota {
     }
 }
 
-/// From sums over matches of the three association figures and of overlaps.
+/// Computes the scores from sums over matches of the three association scores and of overlaps.
 fn at_alpha(k: usize, matches: usize, sums: [f64; 4], boxes: (usize, usize)) -> AtAlpha {
     let [ass_a, ass_re, ass_pr, overlap] = sums.map(|sum| ratio(sum, matches as f64));
     let det_a = ratio(matches as f64, (boxes.0 + boxes.1 - matches) as f64);
@@ -103,8 +103,8 @@ fn alpha(k: usize) -> f64 {
     0.05 + 0.05 * k as f64
 }
 
-/// How well a target and a track go together over the whole sequence, before any matching: overlaps, each over all
-/// overlaps of the two boxes in that frame, are added.
+/// The global alignment of a target and a track over the whole sequence, before any matching: the sum of their overlaps, each divided by
+/// all overlaps of the two boxes in that frame.
 #[derive(Default)]
 pub(super) struct Counter {
     together: HashMap<(usize, usize), f64>,
@@ -128,7 +128,7 @@ impl Counter {
         }
     }
 
-    /// Matches every frame for the largest sum of (how well ids go together) × overlap, and counts.
+    /// Matches every frame for the largest sum of (global alignment) × overlap, and counts.
     pub(super) fn finish(self, all: &FrameTables) -> Hota {
         let (mut targets, mut tracks) = (vec![0.0; all.ids.0], vec![0.0; all.ids.1]);
         for frame_table in &all.frames {

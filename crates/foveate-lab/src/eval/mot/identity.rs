@@ -1,5 +1,5 @@
-//! Identity scores (Ristani et al., Performance measures and a data set for multi-target, multi-camera tracking, 2016):
-//! each target is given one track for the whole sequence.
+//! Identity scores (Ristani et al., Performance measures and a data set for multi-target, multi-camera tracking, 2016): each target is
+//! assigned one track for the whole sequence.
 
 use std::collections::HashMap;
 
@@ -9,14 +9,14 @@ use super::frame_table::FrameTable;
 use super::{HALF, ratio};
 use foveate_core::assignment;
 
-/// Counts of one sequence or of several, and the figures that follow from them.
+/// Counts of one sequence or of several, and the derived scores.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Identity {
     /// Harmonic mean of the next two, 0 to 1.
     pub idf1: f64,
-    /// Share of the boxes found that are of the target their track belongs to.
+    /// Fraction of the result boxes on the target assigned to their track.
     pub idp: f64,
-    /// Share of the true boxes found by the track that belongs to the target.
+    /// Fraction of the true boxes found by the track assigned to the target.
     pub idr: f64,
     /// Boxes found by the right track.
     pub idtp: usize,
@@ -27,7 +27,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Over several sequences: counts are added.
+    /// Pools several sequences by adding their counts.
     pub fn pooled<'a>(all: impl Iterator<Item = &'a Self>) -> Self {
         let sum = |a: [usize; 3], b: &Self| [a[0] + b.idtp, a[1] + b.idfp, a[2] + b.idfn];
         let [tp, fp, fneg] = all.fold([0; 3], sum);
@@ -42,7 +42,7 @@ impl Identity {
     }
 }
 
-/// Frames in which a target and a track overlap by half.
+/// Counts the frames in which a target and a track overlap by half.
 #[derive(Default)]
 pub(super) struct Counter {
     together: HashMap<(usize, usize), usize>,
@@ -59,7 +59,7 @@ impl Counter {
         }
     }
 
-    /// Tracks are given to targets such that most boxes are right, which makes IDF1 largest too.
+    /// Assigns tracks to targets for the largest number of right boxes, which also maximises IDF1.
     pub(super) fn finish(self, ids: (usize, usize), boxes: (usize, usize)) -> Identity {
         let mut scores = vec![0.0; ids.0 * ids.1];
         for (&(target, id), &frames) in &self.together {

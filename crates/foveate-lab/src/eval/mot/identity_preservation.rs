@@ -1,4 +1,4 @@
-//! Identity preservation: the share of crossings after which both targets keep their tracks.
+//! Identity preservation: the fraction of crossings after which both targets keep their tracks.
 
 use std::collections::HashMap;
 
@@ -11,7 +11,7 @@ use foveate_core::geometry::BBox;
 /// Frames before and after a crossing within which a target must have its track.
 const NEAR: usize = 10;
 
-/// How crossings ended, of one video or of several.
+/// The outcomes of crossings, of one video or of several.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Crossings {
     /// Crossings of the truth that begin after its first frame and end before its last one.
@@ -56,7 +56,7 @@ impl Crossings {
         sum
     }
 
-    /// Over several videos.
+    /// Pools several videos.
     pub fn pooled<'a>(all: impl Iterator<Item = &'a Self>) -> Self {
         all.fold(Self::default(), |sum, one| Self {
             all: sum.all + one.all,
@@ -64,11 +64,11 @@ impl Crossings {
             swapped: sum.swapped + one.swapped,
         })
     }
-    /// Share of the crossings after which both targets have their tracks; 0 without a crossing.
+    /// Returns the fraction of the crossings after which both targets have their tracks; 0 without a crossing.
     pub fn share_preserved(&self) -> f64 {
         ratio(self.preserved as f64, self.all as f64)
     }
-    /// Share of the crossings after which a track is on the wrong target.
+    /// Returns the fraction of the crossings after which a track is on the wrong target.
     pub fn share_swapped(&self) -> f64 {
         ratio(self.swapped as f64, self.all as f64)
     }

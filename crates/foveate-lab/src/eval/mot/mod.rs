@@ -30,21 +30,21 @@ use serde::Serialize;
 
 use foveate_base::Result;
 
-/// The overlap that a match needs, but for HOTA.
+/// The overlap that a match needs, except in HOTA.
 const HALF: f64 = 0.5;
 
-/// All figures of one sequence, or of several pooled.
+/// All scores of one sequence, or of several pooled.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Score {
     /// Frames up to the last one with a box in truth or results.
     pub frames: usize,
-    /// True boxes that count.
+    /// Number of true boxes that count.
     pub truth_boxes: usize,
-    /// Boxes of the results.
+    /// Number of result boxes.
     pub result_boxes: usize,
-    /// Targets.
+    /// Number of targets.
     pub truth_ids: usize,
-    /// Tracks.
+    /// Number of tracks.
     pub result_ids: usize,
     /// MOTA and its counts.
     #[serde(flatten)]
@@ -84,7 +84,7 @@ pub fn score(truth: &Tracks, results: &Tracks) -> Result<Score> {
 }
 
 impl Score {
-    /// Over several sequences: scores follow from summed counts, so that every box has equal weight.
+    /// Pools several sequences: scores follow from summed counts, so that every box has equal weight.
     pub fn pooled<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Self {
         let sum = |count: fn(&Self) -> usize| all.clone().map(count).sum();
         Self {
@@ -100,7 +100,7 @@ impl Score {
     }
 }
 
-/// a / b; 0 if b is 0.
+/// Returns a / b; 0 if b is 0.
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! Truth of many videos, found in folders, and a tracker's results on them.
+//! The ground truth of many videos, found in folders, and a tracker's results on them.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ pub struct Sequence {
     pub truth_file: PathBuf,
     /// The truth.
     pub truth: Tracks,
-    /// Its number of frames from `seqinfo.ini`, if present.
+    /// The number of frames from `seqinfo.ini`, if present.
     pub frames: Option<usize>,
 }
 
@@ -28,7 +28,7 @@ pub struct Sequence {
 pub struct Row {
     /// Name of the sequence.
     pub sequence: String,
-    /// The figures.
+    /// The scores.
     #[serde(flatten)]
     pub score: Score,
 }
@@ -36,23 +36,23 @@ pub struct Row {
 /// A tracker's scores on many sequences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
-    /// Name of the tracker: of its folder or file.
+    /// Name of the tracker: that of its folder or file.
     pub tracker: String,
-    /// One for each sequence it has a result for.
+    /// One row for each sequence with a result.
     pub rows: Vec<Row>,
-    /// Sequences it has no result for; they count nowhere.
+    /// Sequences without a result; they do not count.
     pub missing: Vec<String>,
 }
 
 impl Evaluation {
-    /// All sequences pooled.
+    /// Pools all sequences.
     pub fn pooled(&self) -> Score {
         Score::pooled(self.rows.iter().map(|row| &row.score))
     }
 }
 
-/// All sequences in `places`, by name. A place is a sequence in MOTChallenge's layout (`gt/gt.txt`, `seqinfo.ini`), a
-/// folder that holds some, or a text file of true tracks.
+/// Finds all sequences in `places`, by name. A place is a sequence in MOTChallenge's layout (`gt/gt.txt`, `seqinfo.ini`), a folder of
+/// sequences, or a text file of true tracks.
 ///
 /// # Errors
 /// A place cannot be read or holds no sequence, a file is damaged or goes beyond `seqLength`, or two sequences share a name.

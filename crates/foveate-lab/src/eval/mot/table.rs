@@ -5,8 +5,7 @@ use serde_json::{Value, json};
 use super::{Evaluation, Score};
 use crate::eval::table::aligned;
 
-/// Aligned text: for each tracker a line a sequence and one for all of them pooled.
-/// Sequences a tracker has no result for are named below.
+/// Formats as aligned text: for each tracker one line per sequence and one for all pooled. Sequences without a result are named below.
 pub fn text(evaluations: &[Evaluation]) -> String {
     let one = |e: &Evaluation| {
         let mut lines = vec![HEADS.map(String::from).to_vec()];
@@ -21,7 +20,7 @@ pub fn text(evaluations: &[Evaluation]) -> String {
     evaluations.iter().map(one).collect::<Vec<_>>().join("\n")
 }
 
-/// All figures, HOTA's at each threshold too, as JSON.
+/// Returns all scores, including HOTA's at each threshold, as JSON.
 pub fn json(evaluations: &[Evaluation]) -> Value {
     let one = |e: &Evaluation| json!({ "tracker": e.tracker, "pooled": e.pooled(), "sequences": e.rows, "missing": e.missing });
     json!({ "trackers": evaluations.iter().map(one).collect::<Vec<_>>() })

@@ -17,13 +17,13 @@ fn near(a: f64, b: f64) {
 
 #[test]
 fn scores_by_hand() {
-    // One target, ten frames; track 1 finds it in frames 0 to 3, nobody in 4, track 2 in 5 to 9; one box is made up.
+    // One target, ten frames; track 1 finds it in frames 0 to 3, none in 4, track 2 in 5 to 9; one box is a false positive.
     let truth = tracks((0..10).map(|t| at(t, 7, t as f64)));
     let found = |t: usize| (t != 4).then(|| at(t, if t < 4 { 1 } else { 2 }, t as f64));
     let results = tracks((0..10).filter_map(found).chain([at(3, 9, 500.0)]));
     let s = score(&truth, &results).expect("a score");
     assert_eq!((s.clear.matches, s.clear.misses, s.clear.false_positives), (9, 1, 1));
-    // Frame 4 has no result at all, so it is no gap: fragmentations count frames that both have somebody in.
+    // Frame 4 has no result at all, so it is no gap: fragmentations count frames with boxes in both.
     assert_eq!((s.clear.switches, s.clear.fragmentations, s.clear.mostly_tracked), (1, 0, 1));
     near(s.clear.mota, 0.7);
     near(s.clear.motp, 1.0);
@@ -35,7 +35,7 @@ fn scores_by_hand() {
     near(s.hota.hota, (4.1f64 / 11.0).sqrt());
     near(s.hota.loc_a, 1.0);
 
-    // Half a box aside in x: IoU 1/3. No match at 0.5, and one at the six α up to 0.30; AssA is 1 at these.
+    // Half a box to the side: IoU 1/3. No match at 0.5, and one at the six α up to 0.30; AssA is 1 at these.
     let aside = tracks((0..10).map(|t| at(t, 1, t as f64 + 5.0)));
     let s = score(&truth, &aside).expect("a score");
     assert_eq!((s.clear.matches, s.clear.mostly_lost, s.identity.idtp), (0, 1, 0));
@@ -66,7 +66,7 @@ fn unscorable_input_is_an_error() {
     assert!(said(&many(10_000), &many(10_000)).contains("too many pairs"));
 }
 
-/// 4 targets in 20 frames and 5 tracks about them, at random.
+/// 4 random targets in 20 frames, and 5 tracks near them.
 fn random(seed: u64) -> (Tracks, Tracks) {
     let mut rng = Streams::new(1, 0).at(seed, Purpose::Scene).rng(0);
     let mut draw = |ids: i64| {
@@ -82,7 +82,7 @@ fn random(seed: u64) -> (Tracks, Tracks) {
 
 #[test]
 fn scores_keep_to_their_bounds_and_names_do_not_matter() {
-    // 200 random videos, seed 1; laws, not chances: never fails.
+    // 200 random videos, seed 1. The properties always hold, so the test cannot fail by chance.
     for seed in 0..200 {
         let (truth, results) = random(seed);
         let s = score(&truth, &results).expect("a score");
@@ -100,24 +100,24 @@ fn scores_keep_to_their_bounds_and_names_do_not_matter() {
             assert!(a.matches * 2 <= s.truth_boxes + s.result_boxes);
         }
         assert!(s.hota.alphas.windows(2).all(|w| w[0].matches >= w[1].matches));
-        // Identity and HOTA are symmetric: truth and results may change places.
+        // Identity and HOTA are symmetric: truth and results may be swapped.
         let turned = score(&results, &truth).expect("a score");
         near(turned.identity.idf1, s.identity.idf1);
         near(turned.hota.loc_a, s.hota.loc_a);
-        // Other names, in the same order, change nothing; nor does pooling one sequence.
+        // Other ids in the same order change nothing; nor does pooling one sequence.
         let rename = |s: &TrackBox| TrackBox { id: 3 * s.id + 11, ..*s };
         assert_eq!(score(&truth, &tracks(results.sightings.iter().map(rename))).expect("a score"), s);
         let pooled = Score::pooled([&s].into_iter());
         near(pooled.hota.hota, s.hota.hota);
         assert_eq!((pooled.clear, pooled.identity), (s.clear.clone(), s.identity.clone()));
-        // The truth itself is perfect.
+        // The truth itself has perfect scores.
         let best = score(&truth, &truth).expect("a score");
         assert_eq!((best.clear.mota, best.identity.idf1, best.clear.switches), (1.0, 1.0, 0));
         near(best.hota.hota, 1.0);
     }
 }
 
-/// Ours against a peer's figures: integers exactly, the rest to 1e-9.
+/// Compares ours with a peer's scores: integers exactly, the rest to 1e-9.
 fn same(ours: &Score, theirs: &Value) {
     let value = serde_json::to_value(ours).expect("numbers");
     for (name, theirs) in theirs.as_object().expect("figures").iter().filter(|(name, _)| *name != "hota_at") {
@@ -138,7 +138,7 @@ fn scores_equal_trackeval() {
         let (truth, results) = (read("truth"), read("results"));
         let s = score(&truth, &results).expect("a score");
         same(&s, &golden["expected"][name]);
-        // What is written is read again, and scores the same.
+        // Written tracks are read back with the same scores.
         let again = |t: &Tracks| Tracks::parse(&t.text(), Path::new("own")).expect("own text");
         assert_eq!(score(&again(&truth), &again(&results)).expect("a score"), s);
         all.push(s);
