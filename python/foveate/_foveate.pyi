@@ -211,15 +211,15 @@ class Tracker:
         ...     print(seen.frame, seen.time, seen.box.rounded(), seen.p_lost)
         """
     def skip(self, image: _Image) -> None:
-        """A picture before the target is given, or again before the first update after :meth:`load`: camera motion and detector compare
-        pictures, and see it; nothing is tracked.
+        """Observes a picture without tracking: before the target is given, or before the first update after :meth:`load`. Camera motion and
+        detector compare pictures.
         """
     def reset_at(self, box: _Box) -> None:
-        """Puts the target into this box: particles start about it, and P(lost) is 0 until the next picture. Everything else stays: the template,
-        what was learned, and the random streams, which go on.
+        """Moves the target to this box: particles start around it, and P(lost) is 0 until the next picture. Everything else stays: the
+        template, the learned models, and the random streams, which continue.
         """
     def set_visibility(self, visible: float) -> None:
-        """Says which share of the target the next pictures can show, 0 to 1, because something covers it; 1 until told otherwise."""
+        """Sets the fraction of the target that the next pictures can show, 0 to 1, if something covers it; 1 by default."""
     def save(self) -> bytes:
         """The whole state in mid-video, as JSON in UTF-8, for :meth:`load` in a tracker of the same configuration and seed.
 
@@ -242,10 +242,10 @@ class Tracker:
         """Whether there is a target: it was given, or loaded."""
     @property
     def config(self) -> str:
-        """The configuration as TOML, every setting written out."""
+        """Returns the configuration as TOML, with every setting."""
     @property
     def seed(self) -> int:
-        """What names all random numbers."""
+        """The seed of all random numbers."""
     @property
     def channels(self) -> _Channels:
         """The order of a colour picture's bytes."""
@@ -300,28 +300,28 @@ class MultiTracker:
             A detection is not finite, or has no width or height; the message names it.
         """
     def add(self, image: _Image, box: _Box, id: int | None = None) -> int:
-        """A target's box in the picture of the last update: a new target, or an active one that starts again. Answers its id, the next
-        free one where none is given.
+        """Sets a target's box in the picture of the last update: starts a new target, or restarts an active one. Returns its id, by default
+        the next free one.
         """
     def remove(self, id: int) -> None:
-        """Ends the track of the target with this id for good: it is not re-identified later. Raises KeyError where no active target has it."""
+        """Ends the track of the target with this id permanently: it is not re-identified later. Raises KeyError if no active target has it."""
     def skip(self, image: _Image) -> None:
-        """A picture that is not tracked in: camera motion and detector compare pictures, and see it."""
+        """Observes a picture without tracking in it: camera motion and detector compare pictures."""
     def cut(self) -> None:
-        """The picture changed altogether: all targets are terminated, to be re-identified if they come back."""
+        """Marks a cut before the next picture: all targets are terminated, and re-identified if they return."""
     @property
     def targets(self) -> Targets:
-        """All active targets of the last picture, by id, with those in the phase "lost", whose boxes are guesses."""
+        """All active targets of the last picture, by id, including those in the phase "lost", whose boxes are guesses."""
     def save(self) -> bytes:
-        """The whole state, as JSON in UTF-8; as :meth:`Tracker.save`."""
+        """Returns the whole state, as JSON in UTF-8; see :meth:`Tracker.save`."""
     def load(self, saved: bytes) -> None:
-        """Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels; nothing changes where it fails."""
+        """Restores a state from :meth:`save`, in a tracker of the same configuration, seed and channels; after an error nothing has changed."""
     @property
     def config(self) -> str:
-        """The configuration as TOML, every setting written out."""
+        """Returns the configuration as TOML, with every setting."""
     @property
     def seed(self) -> int:
-        """What names all random numbers."""
+        """The seed of all random numbers."""
     @property
     def channels(self) -> _Channels:
         """The order of a colour picture's bytes."""
@@ -375,7 +375,7 @@ class Video:
     def __enter__(self) -> Video: ...
     def __exit__(self, *_exception: object) -> None: ...
     def close(self) -> None:
-        """Ends reading, and the program that decodes, if there is one. A closed video cannot be read."""
+        """Stops reading, and ends the decoding program if there is one. A closed video cannot be read."""
     def seek(self, frame: int) -> None:
         """Goes to a picture, counted from 0: it is read next. Folders go there at once; videos are decoded from where they stand, or from
         the beginning if that is later.
@@ -390,53 +390,53 @@ class Video:
         """Width and height of a picture, pixels."""
     @property
     def frames(self) -> int | None:
-        """Number of pictures in the source, where it knows it; what ffmpeg reads has an estimate."""
+        """Number of pictures in the source, if known; an estimate for sources read with ffmpeg."""
     @property
     def rate(self) -> float:
-        """Pictures a second."""
+        """Pictures per second."""
     @property
     def frame(self) -> int | None:
-        """Where the picture read last stands in the source, counted from 0; ``None`` before the first one."""
+        """The index of the last picture read in the source, counted from 0; ``None`` before the first one."""
     @property
     def time(self) -> float | None:
-        """The time of the picture read last, seconds from the first picture of the source; ``None`` before the first one. Folders have
-        1/30 s a picture, streams and cameras the clock.
+        """The time of the last picture read, seconds from the first picture of the source; ``None`` before the first one. Pictures of a folder
+        are 1/30 s apart; streams and cameras use the clock.
         """
     @property
     def dropped(self) -> int:
-        """Pictures of a stream or camera that came while the one before was at work, and were left out; 0 of files."""
+        """Number of pictures of a stream or camera that were dropped because the previous one was still being processed; 0 for files."""
 
 @final
 class Policy:
-    """A policy; `foveate.bandits` has its Python side."""
+    """A policy; the Python interface is in `foveate.bandits`."""
     def __new__(cls, kind: str, arms: int, rate: str, seed: int) -> Policy: ...
     def ask(self) -> int:
-        """The next arm."""
+        """Returns the next arm."""
     def tell(self, rewards: Sequence[float]) -> None:
-        """The rewards of the arms of the last plan, in their order."""
+        """Sets the rewards of the arms of the last plan, in their order."""
     def probabilities(self) -> _Floats | None:
-        """How likely each arm is to be chosen next."""
+        """Returns the probability of each arm for the next choice."""
     def save(self) -> tuple[str, int]:
-        """All that was learned, as JSON, and how often it was asked."""
+        """Returns the whole state as JSON, and the number of calls of `ask`."""
     def load(self, saved: str, asked: int) -> None:
-        """Goes on from what `save` gave; an answer whose reward is still to come is dropped."""
+        """Restores a state from `save`; drops an arm without a reward."""
 
 @final
 class Optimiser:
-    """Bayesian optimisation; `foveate.bandits.GpUcb` is its Python side."""
+    """Bayesian optimisation; the Python interface is `foveate.bandits.GpUcb`."""
     def __new__(cls, bounds: Sequence[tuple[float, float]], settings: str, seed: int) -> Optimiser: ...
     def ask(self) -> list[float]:
-        """The next point."""
+        """Returns the next point."""
     def tell(self, point: Sequence[float], value: float) -> None:
-        """The value of a point."""
+        """Sets the value of a point."""
     def best(self) -> list[float] | None:
-        """Of the points observed, the one with the largest mean."""
+        """Returns the observed point with the largest mean."""
     def predict(self, points: _Floats) -> tuple[_Floats, _Floats]:
-        """Mean and standard deviation at each point."""
+        """Returns mean and standard deviation at each point."""
     def save(self) -> str:
-        """All that was learned, as JSON."""
+        """Returns the whole state as JSON."""
     def load(self, saved: str) -> None:
-        """Goes on from what `save` gave."""
+        """Restores a state from `save`."""
 
 def draw_marks(
     image: _Image,
@@ -457,15 +457,17 @@ def export_boxes(
     frames: int,
     size: tuple[int, int] | None,
 ) -> list[str]:
-    """Writes boxes of a video of so many pictures; answers what the format does not hold, a sentence each."""
+    """Writes the boxes of a video with this number of pictures. Returns one sentence for each kind of information that the format does not
+    hold.
+    """
 def select(weights: _Floats, count: int, scheme: str, seed: int, step: int) -> npt.NDArray[np.int64]:
     """For each of `count` places of the next step, the index of the particle that takes it; ascending."""
 def learn_fit(kind: str, recipe: str, x: _Singles) -> dict[str, _Singles]:
-    """Learns from the rows of `x`; of filters with their cost. Ctrl-C ends it."""
+    """Trains on the rows of `x`; for filters also returns their cost. Ctrl-C ends it."""
 def learn_codes(kind: str, recipe: str, tensors: Mapping[str, _Singles], x: _Singles) -> _Singles:
-    """What the model makes of each row of `x`."""
+    """Returns the model's codes of each row of `x`."""
 def learn_scores(kind: str, recipe: str, tensors: Mapping[str, _Singles], x: _Singles) -> _Floats:
-    """log p(v) of each row of `x`, nats, up to a constant."""
+    """Returns log p(v) of each row of `x`, nats, up to a constant."""
 def softmax_fit(
     x: _Floats,
     labels: npt.NDArray[np.uint8],
@@ -479,16 +481,16 @@ def softmax_fit(
     took, and whether it converged. Ctrl-C ends it.
     """
 def score_ope(found: _Floats, truth: _Floats) -> str:
-    """The figures and curves of one track, as JSON."""
+    """Returns the scores and curves of one track, as JSON."""
 def score_mot(found: _Floats, truth: _Floats) -> str:
-    """The figures of many targets, as JSON. Rows: frame, id, left, top, width, height, confidence."""
+    """Returns the scores of many targets, as JSON. Rows: frame, id, left, top, width, height, confidence."""
 def _restore_result(*pickle: Any) -> _Estimate: ...
 def _restore_tracker(*pickle: Any) -> Tracker: ...
 def _restore_multi(*pickle: Any) -> MultiTracker: ...
 def run_program(arguments: Sequence[str], program: str) -> int:
     """Runs the program with these arguments, its name first; `program` is the file that has its code."""
 def set_threads(threads: int) -> None:
-    """Uses so many threads in every update from now on, 0 for all processors; results do not depend on it."""
+    """Sets the number of threads of every update from now on, 0 for all processors; results do not depend on it."""
 def set_max_memory(size: str | None) -> None:
     """The most memory that pictures, targets and settings may ask for from now on, such as ``"6G"`` or ``"512M"``; more is an
     error before it is taken. ``None`` is a quarter of the machine's memory, as at first. Results do not depend on it.
@@ -499,6 +501,6 @@ def set_max_memory(size: str | None) -> None:
         This is no such size, or less than 16M.
     """
 def configurations() -> list[str]:
-    """The configurations that ship, by name: each is a profile."""
+    """Returns the names of the shipped configurations: each is a profile."""
 def document(title: str, verdict: str, about: str, body: str) -> str:
-    """A page in the style of the reports. `title` is text; the first sentence, one more line, and the body are HTML."""
+    """Returns a page in the style of the reports. `title` is text; the first sentence, one more line, and the body are HTML."""

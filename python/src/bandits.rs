@@ -1,4 +1,4 @@
-//! The policies with arms as bandits on their own, and Bayesian optimisation of a box.
+//! The policies with arms as standalone bandits, and Bayesian optimisation over a box.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -17,13 +17,13 @@ use crate::errors::{OrRaise, input};
 struct Working {
     policy: Box<dyn Policy>,
     plan: Plan,
-    /// Times it was asked.
+    /// Number of calls of `ask`.
     asked: u64,
-    /// Whether the reward of its last answer is still to come.
+    /// Whether the reward of the last arm is missing.
     waiting: bool,
 }
 
-/// A policy; `foveate.bandits` has its Python side.
+/// A policy; the Python interface is in `foveate.bandits`.
 #[pyclass(frozen, module = "foveate._foveate", name = "Policy")]
 pub struct PyPolicy {
     streams: Streams,
@@ -53,7 +53,7 @@ impl PyPolicy {
         Ok(Self { streams: Streams::new(seed, 0), working: Mutex::new(working) })
     }
 
-    /// The next arm.
+    /// Returns the next arm.
     fn ask(&self, py: Python<'_>) -> usize {
         py.detach(|| {
             let Working { policy, plan, asked, waiting } = &mut *lock(&self.working);
@@ -63,7 +63,7 @@ impl PyPolicy {
         })
     }
 
-    /// The rewards of the arms of the last plan, in their order.
+    /// Sets the rewards of the arms of the last plan, in their order.
     fn tell(&self, py: Python<'_>, rewards: Vec<f64>) -> PyResult<()> {
         let learn = || {
             let Working { policy, plan, waiting, .. } = &mut *lock(&self.working);
@@ -85,7 +85,7 @@ impl PyPolicy {
         py.detach(learn).or_raise(py)
     }
 
-    /// How likely each arm is to be chosen next.
+    /// Returns the probability of each arm for the next choice.
     fn probabilities<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         match lock(&self.working).policy.snapshot() {
             PolicySnapshot::Arms { probabilities, .. } => Some(PyArray1::from_slice(py, probabilities)),
@@ -93,13 +93,13 @@ impl PyPolicy {
         }
     }
 
-    /// All that was learned, as JSON, and how often it was asked.
+    /// Returns the whole state as JSON, and the number of calls of `ask`.
     fn save(&self) -> (String, u64) {
         let working = lock(&self.working);
         (working.policy.save().to_string(), working.asked)
     }
 
-    /// Goes on from what `save` gave; an answer whose reward is still to come is dropped.
+    /// Restores a state from `save`; drops an arm without a reward.
     fn load(&self, py: Python<'_>, saved: &str, asked: u64) -> PyResult<()> {
         let load = || {
             let mut working = lock(&self.working);
@@ -111,7 +111,7 @@ impl PyPolicy {
     }
 }
 
-/// Bayesian optimisation; `foveate.bandits.GpUcb` is its Python side.
+/// Bayesian optimisation; the Python interface is `foveate.bandits.GpUcb`.
 #[pyclass(frozen, module = "foveate._foveate", name = "Optimiser")]
 pub struct PyOptimiser {
     dimensions: usize,
@@ -128,22 +128,22 @@ impl PyOptimiser {
         Ok(Self { dimensions: bounds.len(), optimiser: Mutex::new(optimiser) })
     }
 
-    /// The next point.
+    /// Returns the next point.
     fn ask(&self, py: Python<'_>) -> Vec<f64> {
         py.detach(|| lock(&self.optimiser).ask())
     }
 
-    /// The value of a point.
+    /// Sets the value of a point.
     fn tell(&self, py: Python<'_>, point: Vec<f64>, value: f64) -> PyResult<()> {
         py.detach(|| lock(&self.optimiser).tell(&point, value)).or_raise(py)
     }
 
-    /// Of the points observed, the one with the largest mean.
+    /// Returns the observed point with the largest mean.
     fn best(&self, py: Python<'_>) -> Option<Vec<f64>> {
         py.detach(|| lock(&self.optimiser).best().map(<[f64]>::to_vec))
     }
 
-    /// Mean and standard deviation at each point.
+    /// Returns mean and standard deviation at each point.
     #[expect(clippy::type_complexity, reason = "two arrays")]
     fn predict<'py>(
         &self,
@@ -163,12 +163,12 @@ impl PyOptimiser {
         Ok((means.into_pyarray(py), deviations.into_pyarray(py)))
     }
 
-    /// All that was learned, as JSON.
+    /// Returns the whole state as JSON.
     fn save(&self) -> String {
         lock(&self.optimiser).save().to_string()
     }
 
-    /// Goes on from what `save` gave.
+    /// Restores a state from `save`.
     fn load(&self, py: Python<'_>, saved: &str) -> PyResult<()> {
         let parsed: Result<Value> = crate::held::parse(saved.as_bytes());
         parsed.and_then(|saved| lock(&self.optimiser).restore(&saved)).or_raise(py)

@@ -11,18 +11,18 @@ use crate::pictures::{Channels, Picture, interleaved};
 const BLACK: Colour = [0; 3];
 const WHITE: Colour = [255; 3];
 
-/// Width of lines in a picture of so many rows, relative to one of 480.
+/// Returns the width of lines in a picture with this number of rows, relative to 480 rows.
 fn bold(height: usize) -> f64 {
     (height as f64 / 480.0).clamp(0.8, 3.0)
 }
 
-/// A line with a dark rim, legible on any ground.
+/// Draws a line with a dark rim, legible on any background.
 fn rimmed(page: &mut Drawing, points: &[Point], thick: f64, bold: f64, colour: Colour) {
     page.line(points, (thick + 1.8) * bold, BLACK, 0.4);
     page.line(points, thick * bold, colour, 1.0);
 }
 
-/// A text above a box, or below where there is no room.
+/// Writes a text above a box, or below if there is no room.
 fn label(page: &mut Drawing, [x, y, _, h]: [f64; 4], text: &str, bold: f64) {
     let size = 9.0 * bold;
     let top = if y >= 2.4 * size { y - 2.2 * size } else { y + h + 0.8 * size };

@@ -1,11 +1,11 @@
-//! foveate's errors as Python's.
+//! Converts foveate's errors to Python exceptions.
 
 use foveate::{Error, memory};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyType;
 
-/// An exception class of `foveate.errors`.
+/// Returns an exception of a class of `foveate.errors`.
 fn raise(py: Python<'_>, name: &str, text: String) -> PyErr {
     static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
     let found = MODULE.get_or_try_init(py, || py.import("foveate.errors").map(Bound::unbind));
@@ -16,12 +16,12 @@ fn raise(py: Python<'_>, name: &str, text: String) -> PyErr {
     }
 }
 
-/// A value given by the caller is not what it must be.
+/// Returns the exception for an invalid value from the caller.
 pub(crate) fn input(py: Python<'_>, text: impl Into<String>) -> PyErr {
     raise(py, "InputError", text.into())
 }
 
-/// The exception that says what an [`Error`] says.
+/// Returns the exception for an [`Error`].
 pub(crate) fn of(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
         Error::Config(_) => "ConfigError",
@@ -32,9 +32,9 @@ pub(crate) fn of(py: Python<'_>, error: &Error) -> PyErr {
     raise(py, class, text)
 }
 
-/// Results with Python's errors.
+/// Converts errors of results to Python exceptions.
 pub(crate) trait OrRaise<T> {
-    /// The value, or the exception that says the same.
+    /// Returns the value, or the corresponding exception.
     fn or_raise(self, py: Python<'_>) -> PyResult<T>;
 }
 

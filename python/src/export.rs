@@ -1,4 +1,4 @@
-//! Boxes into the files of other programs.
+//! Writes boxes to the files of other programs.
 
 use std::path::PathBuf;
 
@@ -9,10 +9,11 @@ use pyo3::prelude::*;
 
 use crate::errors::{OrRaise, input};
 
-/// A box: its picture and its target by number, left, top, width, height, and how sure it is.
+/// A box: index of its picture, id of its target, left, top, width, height, and confidence.
 type Row = (usize, i64, [f64; 4], f64);
 
-/// Writes boxes of a video of so many pictures; answers what the format does not hold, a sentence each.
+/// Writes the boxes of a video with this number of pictures. Returns one sentence for each kind of information that the format does not
+/// hold.
 #[pyfunction]
 pub(crate) fn export_boxes(
     py: Python<'_>,

@@ -1,4 +1,4 @@
-//! What trackers of one target and of many share: how pictures are shown to them, and what a pickle has.
+//! Shared parts of trackers of one target and of many: input of pictures, and pickles.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -13,15 +13,15 @@ use crate::making::Making;
 use crate::pictures::{Picture, Pixels};
 use crate::threads;
 
-/// A tracker, as a pickle takes it up.
+/// A tracker that a pickle can restore.
 pub(crate) trait Follows: Send + Sized {
-    /// One that knows no target yet.
+    /// Creates a tracker without a target.
     fn made(making: &Making) -> Result<Self>;
-    /// The whole state.
+    /// Returns the whole state.
     fn save(&self) -> Value;
-    /// Takes up a saved state.
+    /// Restores a saved state.
     fn load(&mut self, saved: &Value) -> Result<()>;
-    /// Sees a picture without tracking in it.
+    /// Observes a picture without tracking in it.
     fn skip(&mut self, image: &Image);
 }
 
@@ -55,38 +55,38 @@ impl Follows for MultiTracker {
     }
 }
 
-/// What an update changes.
+/// The state changed by an update.
 pub(crate) struct Working<T> {
     pub tracker: T,
-    /// The picture at hand, in planes; after an update it is what a pickle needs to go on bit for bit.
+    /// The current picture, in planes; after an update a pickle needs it to continue bit for bit.
     image: Option<Image>,
-    /// What the next picture is read into: the two change places when the tracker has taken it, so that one it refuses is forgotten.
+    /// The buffer for the next picture: swapped after the tracker has accepted the picture, so that a refused picture is discarded.
     spare: Option<Image>,
 }
 
-/// A tracker that one call at a time works with, and how it was made.
+/// A tracker that one call at a time uses, with its configuration.
 pub(crate) struct Held<T> {
     pub making: Making,
     working: Mutex<Working<T>>,
 }
 
-/// What a pickle has: the configuration's text and folder, seed, channels, the saved state, and the last picture (width, height, planes and
-/// bytes).
+/// The contents of a pickle: the configuration's text and folder, seed, channels, the saved state, and the last picture (width, height,
+/// planes and bytes).
 pub(crate) type Pickle = (String, PathBuf, u64, String, Vec<u8>, Option<(usize, usize, usize, Vec<u8>)>);
 
 impl<T: Follows> Held<T> {
-    /// One that knows no target yet.
+    /// Creates a tracker without a target.
     pub(crate) fn new(making: Making) -> Result<Self> {
         let tracker = T::made(&making)?;
         Ok(Self { making, working: Mutex::new(Working { tracker, image: None, spare: None }) })
     }
 
-    /// To be called without the interpreter's lock: another thread may be at work.
+    /// Locks the tracker. Release the interpreter's lock first: another thread may hold the tracker.
     pub(crate) fn working(&self) -> MutexGuard<'_, Working<T>> {
         self.working.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Shows a picture to the tracker, without the interpreter's lock.
+    /// Passes a picture to the tracker, without the interpreter's lock.
     pub(crate) fn show<R: Send>(
         &self,
         image: &Bound<'_, PyAny>,
@@ -104,7 +104,7 @@ impl<T: Follows> Held<T> {
         py.detach(|| threads::run(work).and_then(|result| result)).or_raise(py)
     }
 
-    /// The whole state as JSON in UTF-8, with the order of a colour picture's bytes.
+    /// Returns the whole state as JSON in UTF-8, with the order of a colour picture's bytes.
     pub(crate) fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let text = py.detach(|| {
             let mut saved = self.working().tracker.save();
@@ -114,7 +114,7 @@ impl<T: Follows> Held<T> {
         Ok(PyBytes::new(py, text.as_bytes()))
     }
 
-    /// Takes up a saved state. It is refused where a colour picture's bytes have another order: what was learned is of other colours.
+    /// Restores a saved state. Refuses a state with another order of a colour picture's bytes, because its models are of other colours.
     pub(crate) fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
         let ours = self.making.channels;
         let take_up = || {
@@ -131,7 +131,7 @@ impl<T: Follows> Held<T> {
         py.detach(take_up).or_raise(py)
     }
 
-    /// What `__reduce__` answers: the function of this name makes it again.
+    /// Returns the value of `__reduce__`: the function of this name restores the tracker.
     pub(crate) fn pickled<'py>(
         &self,
         py: Python<'py>,
@@ -146,7 +146,7 @@ impl<T: Follows> Held<T> {
         PyTuple::new(py, [py.import("foveate._foveate")?.getattr(restore)?, state.into_any()])
     }
 
-    /// One from its pickle.
+    /// Restores a tracker from its pickle.
     pub(crate) fn restored(py: Python<'_>, (text, folder, seed, channels, saved, image): Pickle) -> PyResult<Self> {
         let this = Self::new(Making::again(py, &text, folder, seed, &channels)?).or_raise(py)?;
         let restore = || {
@@ -164,7 +164,7 @@ impl<T: Follows> Held<T> {
     }
 }
 
-/// Saved JSON.
+/// Parses saved JSON.
 pub(crate) fn parse(saved: &[u8]) -> Result<Value> {
     serde_json::from_slice(saved)
         .map_err(|e| Error::Invalid(format!("the saved state cannot be used: expected what save() gave, JSON: {e}")))

@@ -1,4 +1,4 @@
-//! Learners as functions of arrays: a kind, its recipe as JSON, and tensors as model files have them. `foveate.learn` has their protocols.
+//! Learners as functions of arrays: a kind, its recipe as JSON, and tensors as in model files. `foveate.learn` has the Python interface.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -41,7 +41,7 @@ fn no(kind: &str) -> Error {
     Error::Invalid(format!("expected filters or rbm, got {kind}"))
 }
 
-/// A learner at work.
+/// A learner in training.
 enum Training {
     Filters(filters::Trainer),
     Rbm(Box<rbm::Trainer>),
@@ -55,7 +55,7 @@ impl Training {
             other => return Err(no(other)),
         })
     }
-    /// Learns to the end.
+    /// Trains to the end.
     fn finish(&mut self, rows: Rows<'_>, stop: Stop<'_>) -> Result<()> {
         while !stop() {
             match self {
@@ -66,7 +66,7 @@ impl Training {
         }
         Err(Error::Stopped)
     }
-    /// What was learned; of filters with their cost.
+    /// Returns the learned tensors; for filters with their cost.
     fn learned(&self) -> Result<Tensors> {
         Ok(match self {
             Self::Filters(trainer) => {
@@ -93,7 +93,7 @@ impl Model {
         };
         model.map_err(Error::Invalid)
     }
-    /// What the model makes of every row. A row's codes depend on that row alone: some rows at a time give the same.
+    /// Returns the model's codes of every row. A row's codes depend on that row alone, so rows can be processed in pieces.
     fn codes(&self, rows: Rows<'_>, stop: Stop<'_>) -> Result<Vec<f32>> {
         let (width, units) = (rows.width(), self.units());
         let mut codes = Vec::with_capacity(rows.len() * units);
@@ -115,7 +115,7 @@ impl Model {
         }
         Ok(codes)
     }
-    /// −F(v), nats, of every row.
+    /// Returns −F(v), nats, of every row.
     fn scores(&self, rows: Rows<'_>, stop: Stop<'_>) -> Result<Vec<f64>> {
         let energy: &dyn Fn(&[f32]) -> f64 = match self {
             Self::Rbm(model) => &|v| model.free_energy(v),
@@ -123,14 +123,14 @@ impl Model {
         };
         rows.iter().map(|v| if stop() { Err(Error::Stopped) } else { Ok(-energy(v)) }).collect()
     }
-    /// How many codes a row has.
+    /// Returns the number of codes per row.
     fn units(&self) -> usize {
         match self {
             Self::Filters(model) => model.shape().2,
             Self::Rbm(model) => model.shape().1,
         }
     }
-    /// How wide rows are.
+    /// Returns the number of values per row.
     fn width(&self) -> usize {
         match self {
             Self::Filters(model) => model.shape().0,
@@ -139,13 +139,13 @@ impl Model {
     }
 }
 
-/// Numbers that a piece of work reads before it is asked whether to stop, times the numbers that it makes of each.
+/// Size of a piece of work between two checks for a stop: input numbers times outputs per number.
 const PIECE: usize = 1 << 26;
-/// How often Python is asked whether Ctrl-C was pressed.
+/// Interval between checks for Ctrl-C in Python.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Works on a thread of its own, without the interpreter's lock. Ctrl-C ends the call within [`LOOK`], whatever the work is at: its
-/// thread is left behind, and ends as soon as it calls `stop`.
+/// Runs work on its own thread, without the interpreter's lock. Ctrl-C ends the call within [`LOOK`]: the thread is left behind, and ends
+/// when it next calls `stop`.
 fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(Stop<'_>) -> Result<T> + Send + 'static,
@@ -155,7 +155,7 @@ fn interruptible<T: Send + 'static>(
     let flag = Arc::clone(&stopped);
     let thread = foveate::thread::start("learning", move || {
         let result = crate::threads::run(|| work(&|| flag.load(Ordering::Relaxed))).and_then(|result| result);
-        // Nobody waits for it after Ctrl-C.
+        // After Ctrl-C nobody receives the result.
         let _ = done.send(result);
     });
     let thread = thread.or_raise(py)?;
@@ -175,7 +175,7 @@ fn interruptible<T: Send + 'static>(
     }
 }
 
-/// The values of an array, row by row, and how wide rows are.
+/// Returns the values of an array, row by row, and the number of values per row.
 fn owned_rows<T: numpy::Element + Copy>(py: Python<'_>, x: &PyReadonlyArray2<'_, T>) -> PyResult<(Vec<T>, usize)> {
     match x.shape()[1] {
         0 => Err(Error::Invalid("rows have at least one value, these have none".into())).or_raise(py),
@@ -190,7 +190,7 @@ fn fits(expected: usize, rows: Rows<'_>) -> Result<()> {
     }
 }
 
-/// Makes the model, calls it with the rows; answers how many codes a row has, too.
+/// Creates the model and calls it with the rows; also returns the number of codes per row.
 fn of_model<T: Send + 'static>(
     py: Python<'_>,
     (kind, recipe): (&str, &str),
@@ -209,7 +209,7 @@ fn of_model<T: Send + 'static>(
     })
 }
 
-/// Learns from the rows of `x`; of filters with their cost. Ctrl-C ends it.
+/// Trains on the rows of `x`; for filters also returns their cost. Ctrl-C ends it.
 #[pyfunction]
 pub(crate) fn learn_fit<'py>(
     py: Python<'py>,
@@ -230,7 +230,7 @@ pub(crate) fn learn_fit<'py>(
     Ok(tensors.into_iter().map(|(name, tensor)| (name, array(tensor).into_pyarray(py))).collect())
 }
 
-/// What the model makes of each row of `x`.
+/// Returns the model's codes of each row of `x`.
 #[pyfunction]
 pub(crate) fn learn_codes<'py>(
     py: Python<'py>,
@@ -243,7 +243,7 @@ pub(crate) fn learn_codes<'py>(
     Ok(Array2::from_shape_vec((x.shape()[0], units), codes).expect("whole rows").into_pyarray(py))
 }
 
-/// log p(v) of each row of `x`, nats, up to a constant.
+/// Returns log p(v) of each row of `x`, nats, up to a constant.
 #[pyfunction]
 pub(crate) fn learn_scores<'py>(
     py: Python<'py>,

@@ -56,7 +56,7 @@ mod _foveate {
         py.detach(|| foveate_cli::main(arguments, program))
     }
 
-    /// Uses so many threads in every update from now on, 0 for all processors; results do not depend on it.
+    /// Sets the number of threads of every update from now on, 0 for all processors; results do not depend on it.
     #[pyfunction]
     fn set_threads(py: Python<'_>, threads: usize) -> PyResult<()> {
         crate::threads::set(threads).or_raise(py)
@@ -76,13 +76,13 @@ mod _foveate {
         Ok(())
     }
 
-    /// A page in the style of the reports. `title` is text; the first sentence, one more line, and the body are HTML.
+    /// Returns a page in the style of the reports. `title` is text; the first sentence, one more line, and the body are HTML.
     #[pyfunction]
     fn document(title: &str, verdict: &str, about: &str, body: &str) -> String {
         foveate::report::document(title, verdict, about, body)
     }
 
-    /// The configurations that ship, by name: each is a profile.
+    /// Returns the names of the shipped configurations: each is a profile.
     #[pyfunction]
     fn configurations() -> Vec<&'static str> {
         foveate::Config::names()

@@ -1,4 +1,4 @@
-//! How a tracker is made, kept so that a pickle can make it again.
+//! The construction of a tracker, kept so that a pickle can repeat it.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use pyo3::types::PyString;
 use crate::errors::OrRaise;
 use crate::pictures::Channels;
 
-/// A configuration given by Python: TOML text of its own, or what is changed in a profile.
+/// A configuration from Python: TOML text, or changes of a profile.
 #[derive(FromPyObject)]
 pub(crate) struct Given {
     text: Option<String>,
@@ -20,7 +20,7 @@ pub(crate) struct Given {
     settings: Vec<String>,
 }
 
-/// A checked configuration with its seed, and how pictures come.
+/// A checked configuration with its seed, and the order of channels.
 #[derive(Clone)]
 pub(crate) struct Making {
     pub blueprint: Blueprint,
@@ -31,7 +31,7 @@ pub(crate) struct Making {
 }
 
 impl Making {
-    /// By a profile or a configuration's name, and `config`, as `foveate._config.given` understands it.
+    /// Reads a profile or a configuration's name, and `config`, according to `foveate._config.given`.
     pub(crate) fn new(
         py: Python<'_>,
         profile: &str,
@@ -50,7 +50,7 @@ impl Making {
         Self::of(config, folder, seed, channels).or_raise(py)
     }
 
-    /// What a pickle has.
+    /// Restores the construction from a pickle.
     pub(crate) fn again(py: Python<'_>, text: &str, folder: PathBuf, seed: u64, channels: &str) -> PyResult<Self> {
         let channels = Channels::named(py, channels)?;
         let config = Config::parse(text, "the pickle's configuration").or_raise(py)?;
@@ -63,13 +63,13 @@ impl Making {
         Ok(Self { blueprint, folder, seed, channels })
     }
 
-    /// The configuration as TOML, every setting written out.
+    /// Returns the configuration as TOML, with every setting.
     pub(crate) fn text(&self) -> String {
         self.blueprint.config().to_toml()
     }
 }
 
-/// The argument `profile`; settings in its place are pointed to `config`.
+/// Reads the argument `profile`; refuses settings with a hint to use `config`.
 pub(crate) fn profile_name<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
     let Ok(name) = given.cast::<PyString>() else {
         let kind = given.get_type().name()?;
@@ -83,7 +83,7 @@ pub(crate) fn profile_name<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str>
 
 const PROFILES: [&str; 3] = ["fast", "balanced", "accurate"];
 
-/// Refuses a name that no configuration has, with the one that it is nearest to.
+/// Refuses an unknown configuration name, with the nearest known one.
 fn known(py: Python<'_>, profile: &str) -> PyResult<()> {
     let names: Vec<&str> = PROFILES.into_iter().chain(Config::names()).collect();
     if names.contains(&profile) {

@@ -96,15 +96,15 @@ impl PyMultiTracker {
         arrays(py, &targets, names, &data)
     }
 
-    /// A target's box in the picture of the last update: a new target, or an active one that starts again. Answers its id, the next
-    /// free one where none is given.
+    /// Sets a target's box in the picture of the last update: starts a new target, or restarts an active one. Returns its id, by default
+    /// the next free one.
     #[pyo3(signature = (image, r#box, id = None))]
     fn add(&self, image: &Bound<'_, PyAny>, r#box: &Bound<'_, PyAny>, id: Option<u64>) -> PyResult<u64> {
         let bbox = read_box(r#box)?;
         self.held.show(image, |tracker, image| tracker.add(image, id, bbox))
     }
 
-    /// Ends the track of the target with this id for good: it is not re-identified later. Raises KeyError where no active target has it.
+    /// Ends the track of the target with this id permanently: it is not re-identified later. Raises KeyError if no active target has it.
     fn remove(&self, py: Python<'_>, id: u64) -> PyResult<()> {
         match py.detach(|| self.held.working().tracker.remove(id)) {
             true => Ok(()),
@@ -112,7 +112,7 @@ impl PyMultiTracker {
         }
     }
 
-    /// A picture that is not tracked in: camera motion and detector compare pictures, and see it.
+    /// Observes a picture without tracking in it: camera motion and detector compare pictures.
     fn skip(&self, image: &Bound<'_, PyAny>) -> PyResult<()> {
         self.held.show(image, |tracker, image| {
             tracker.skip(image);
@@ -120,34 +120,34 @@ impl PyMultiTracker {
         })
     }
 
-    /// The picture changed altogether: all targets are terminated, to be re-identified if they come back.
+    /// Marks a cut before the next picture: all targets are terminated, and re-identified if they return.
     fn cut(&self, py: Python<'_>) {
         py.detach(|| self.held.working().tracker.cut());
     }
 
-    /// All active targets of the last picture, by id, with those in the phase "lost", whose boxes are guesses.
+    /// All active targets of the last picture, by id, including those in the phase "lost", whose boxes are guesses.
     #[getter]
     fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let targets = py.detach(|| self.held.working().tracker.targets().to_vec());
         arrays(py, &targets, self.names.bind(py), &PyDict::new(py))
     }
 
-    /// The whole state, as JSON in UTF-8; as :meth:`Tracker.save`.
+    /// Returns the whole state, as JSON in UTF-8; see :meth:`Tracker.save`.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         self.held.save(py)
     }
 
-    /// Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels; nothing changes where it fails.
+    /// Restores a state from :meth:`save`, in a tracker of the same configuration, seed and channels; after an error nothing has changed.
     fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
         self.held.load(py, saved)
     }
 
-    /// The configuration as TOML, every setting written out.
+    /// The configuration as TOML, with every setting.
     #[getter]
     fn config(&self) -> String {
         self.held.making.text()
     }
-    /// What names all random numbers.
+    /// The seed of all random numbers.
     #[getter]
     fn seed(&self) -> u64 {
         self.held.making.seed
@@ -178,7 +178,7 @@ pub(crate) fn _restore_multi(py: Python<'_>, pickle: Pickle) -> PyResult<PyMulti
     Ok(PyMultiTracker { held, names: PyDict::new(py).unbind() })
 }
 
-/// Targets as a `Targets` of arrays, with the names of classes, and what came with the detections.
+/// Returns targets as a `Targets` of arrays, with the names of classes, and the data of the detections.
 fn arrays<'py>(
     py: Python<'py>,
     targets: &[Seen<'_>],

@@ -1,4 +1,4 @@
-//! Python's named tuples of `foveate._types`, and boxes from whatever four numbers come in.
+//! The named tuples of `foveate._types`, and boxes from any four numbers.
 
 use foveate::BBox;
 use foveate::geometry::State;
@@ -14,22 +14,22 @@ fn make<'py>(py: Python<'py>, name: &str, values: &Bound<'py, PyTuple>) -> PyRes
     module.bind(py).getattr(name)?.call1(values.clone())
 }
 
-/// A `Box`.
+/// Returns a `Box`.
 pub(crate) fn bbox<'py>(py: Python<'py>, b: &BBox) -> PyResult<Bound<'py, PyAny>> {
     make(py, "Box", &PyTuple::new(py, [b.x, b.y, b.w, b.h])?)
 }
 
-/// A `State`.
+/// Returns a `State`.
 pub(crate) fn state<'py>(py: Python<'py>, state: &State) -> PyResult<Bound<'py, PyAny>> {
     make(py, "State", &PyTuple::new(py, state.to_array())?)
 }
 
-/// A `Region`.
+/// Returns a `Region`.
 pub(crate) fn region<'py>(py: Python<'py>, r: &Region) -> PyResult<Bound<'py, PyAny>> {
     make(py, "Region", &PyTuple::new(py, [r.x, r.y, r.half[0], r.half[1], r.turn])?)
 }
 
-/// Four numbers: left, top, width, height.
+/// Reads four numbers: left, top, width, height.
 pub(crate) fn read_box(given: &Bound<'_, PyAny>) -> PyResult<BBox> {
     let wrong = |found: String| {
         PyTypeError::new_err(format!(
@@ -37,7 +37,7 @@ pub(crate) fn read_box(given: &Bound<'_, PyAny>) -> PyResult<BBox> {
         ))
     };
     let kind = || given.get_type().name().map_or_else(|_| "something else".into(), |name| format!("of type {name}"));
-    // A picture, say, is longer than what there is to say of it.
+    // Shorten long values, such as pictures, in the message.
     let short = |text: &String| text.chars().count() <= 100;
     let shown = || given.repr().ok().map(|text| text.to_string()).filter(short).unwrap_or_else(kind);
     let numbers: Vec<f64> = given

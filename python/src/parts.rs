@@ -1,4 +1,4 @@
-//! Selection and metrics, as functions of arrays; the Python modules beside have their protocols.
+//! Selection and metrics, as functions of arrays; the Python modules have their interfaces.
 
 use foveate::control::Resampling;
 use foveate::rng::{Purpose, Streams};
@@ -27,7 +27,7 @@ pub(crate) fn select<'py>(
     if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) || !(sum > 0.0 && sum.is_finite()) || count == 0 {
         return Err(input(py, "weights to select from are finite, at least 0, not all 0, for one place at least"));
     }
-    // Here and in the array that is given back.
+    // Counts this array and the returned one.
     memory::check(format_args!("{count} places"), (count as u64).saturating_mul(16)).or_raise(py)?;
     let mut ancestors = vec![0; count];
     let mut rng = Streams::new(seed, 0).at(step, Purpose::Select).rng(0);
@@ -42,7 +42,7 @@ fn boxes(rows: ArrayView2<'_, f64>) -> Vec<Option<BBox>> {
     rows.rows().into_iter().map(one).collect()
 }
 
-/// The figures and curves of one track, as JSON.
+/// Returns the scores and curves of one track, as JSON.
 #[pyfunction]
 pub(crate) fn score_ope(
     py: Python<'_>,
@@ -64,7 +64,7 @@ fn tracks(rows: ArrayView2<'_, f64>) -> Tracks {
     Tracks { sightings: rows.rows().into_iter().map(one).collect() }
 }
 
-/// The figures of many targets, as JSON. Rows: frame, id, left, top, width, height, confidence.
+/// Returns the scores of many targets, as JSON. Rows: frame, id, left, top, width, height, confidence.
 #[pyfunction]
 pub(crate) fn score_mot(
     py: Python<'_>,

@@ -1,4 +1,4 @@
-//! NumPy's pictures as foveate's: read in place, whatever their strides, into planes that are kept from frame to frame.
+//! NumPy pictures as foveate's: read in place, with any strides, into planes that are reused from frame to frame.
 
 use foveate::scene::Pixels as Layout;
 use foveate::{Image, memory};
@@ -12,13 +12,13 @@ use pyo3::prelude::*;
 
 use crate::errors::input;
 
-/// The order of a pixel's bytes, as the caller says it.
+/// The order of a pixel's bytes, as given by the caller.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Channels {
     pub name: &'static str,
     depth: usize,
     pixels: Layout,
-    /// Which of them goes into each plane.
+    /// The byte for each plane.
     order: &'static [usize],
 }
 
@@ -31,7 +31,7 @@ const CHANNELS: [Channels; 5] = [
 ];
 
 impl Channels {
-    /// By name.
+    /// Returns the channels by name.
     pub(crate) fn named(py: Python<'_>, name: &str) -> PyResult<Self> {
         CHANNELS.into_iter().find(|c| c.name == name).ok_or_else(|| {
             let names = CHANNELS.map(|c| format!("\"{}\"", c.name)).join(", ");
@@ -45,15 +45,15 @@ impl Channels {
         }
         Err(input(py, format!("a video's channels are \"rgb\" or \"bgr\"; they are \"{}\"", self.name)))
     }
-    /// Which byte of a pixel of three is red, green, blue: of grey, and with alpha left out.
+    /// Returns the indices of red, green and blue in a pixel of three bytes; for grey and without alpha.
     pub(crate) fn order_of_three(self) -> &'static [usize] {
         if self.order.len() == 3 { self.order } else { CHANNELS[0].order }
     }
-    /// Whether the channels of this name have the same colours in the same order.
+    /// Returns whether the named channels have the same colours in the same order.
     pub(crate) fn has_order_of(self, name: &str) -> bool {
         CHANNELS.iter().any(|c| c.name == name && c.order == self.order)
     }
-    /// Which byte of a pixel is red, green, blue.
+    /// Returns the indices of red, green and blue in a pixel.
     pub(crate) fn order(self) -> &'static [usize] {
         self.order
     }
@@ -66,7 +66,7 @@ pub(crate) struct Picture<'py> {
 }
 
 impl<'py> Picture<'py> {
-    /// A NumPy array, or what NumPy makes one of.
+    /// Reads a NumPy array, or an object that NumPy converts to one.
     pub(crate) fn new(picture: &Bound<'py, PyAny>, channels: Channels) -> PyResult<Self> {
         let py = picture.py();
         let (array, channels) = match picture.cast::<PyUntypedArray>() {
@@ -111,7 +111,7 @@ impl<'py> Picture<'py> {
         Ok(Self { array: array.map_err(|e| input(py, format!("the picture is being written to: {e}")))?, channels })
     }
 
-    /// Its pixels, to be read without the interpreter's lock.
+    /// Returns its pixels, for reading without the interpreter's lock.
     pub(crate) fn pixels(&self) -> Pixels<'_> {
         Pixels { view: self.array.as_array(), channels: self.channels }
     }
@@ -121,7 +121,7 @@ fn as_array<'py>(picture: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedAr
     Ok(picture.py().import("numpy")?.call_method1("asarray", (picture,))?.cast_into::<PyUntypedArray>()?)
 }
 
-/// A picture of Pillow's, which has the order of its channels in its mode; palettes, ink and other colour spaces become RGB.
+/// Reads a Pillow picture; its mode gives the order of channels. Palettes, ink and other colour spaces become RGB.
 fn of_pillow<'py>(picture: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyUntypedArray>, Channels)> {
     let mode: String = picture.getattr("mode")?.extract()?;
     let (channels, convert) = match &*mode {
@@ -144,7 +144,7 @@ fn of_pillow<'py>(picture: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyUntyped
     Ok((array, Channels::named(picture.py(), channels)?))
 }
 
-/// How values of another type become bytes, as an expression of NumPy's, by the type's kind and size.
+/// Returns the NumPy expression that converts values to bytes, by the type's kind and size.
 fn conversion(kind: u8, size: usize) -> &'static str {
     match (kind, size) {
         (b'b', _) => "`255 * picture.astype(\"uint8\")`",
@@ -157,7 +157,7 @@ fn conversion(kind: u8, size: usize) -> &'static str {
     }
 }
 
-/// What to do about a shape.
+/// Returns a hint about a wrong shape.
 fn advice(shape: &[usize]) -> &'static str {
     match *shape {
         [_, _, 4] => {
@@ -181,7 +181,7 @@ pub(crate) struct Pixels<'a> {
 }
 
 impl Pixels<'_> {
-    /// Takes the pixels apart into planes; where the picture before had this size, no memory is taken.
+    /// Splits the pixels into planes; allocates nothing if the previous picture had the same size.
     pub(crate) fn read<'i>(&self, kept: &'i mut Option<Image>) -> foveate::Result<&'i Image> {
         let (height, width, planes) = (self.view.shape()[0], self.view.shape()[1], self.channels.order.len());
         let size = |image: &Image| [image.width(), image.height(), image.planes()];
@@ -210,14 +210,14 @@ impl Pixels<'_> {
     }
 }
 
-/// A picture as NumPy's arrays have it.
+/// A picture as a NumPy array.
 pub(crate) enum Interleaved {
     Grey(Array2<u8>),
     Colour(Array3<u8>),
 }
 
 impl Interleaved {
-    /// The array.
+    /// Returns the array.
     pub(crate) fn into_array(self, py: Python<'_>) -> Bound<'_, PyAny> {
         match self {
             Self::Grey(pixels) => pixels.into_pyarray(py).into_any(),
@@ -226,7 +226,7 @@ impl Interleaved {
     }
 }
 
-/// Planes as pixels of three bytes, of which `order` says which is red, green and blue.
+/// Interleaves planes into pixels of three bytes; `order` gives the indices of red, green and blue.
 pub(crate) fn interleaved(image: &Image, order: &[usize]) -> Interleaved {
     let size = (image.height(), image.width());
     let plane = |p: usize| ArrayView2::from_shape(size, image.plane(p)).expect("a plane is whole");

@@ -1,4 +1,4 @@
-//! What is known of the target in one picture, kept for Python.
+//! The estimate of the target in one picture, kept for Python.
 
 use foveate::geometry::State;
 use foveate::seen::Region;
@@ -12,10 +12,10 @@ use pyo3::types::{PyDict, PyTuple};
 use crate::errors::input;
 use crate::named;
 
-/// Credible regions of a normal belief are all this one, larger or smaller: it is the one of one standard deviation.
+/// Probability of the ellipse of one standard deviation. All credible regions of a normal belief are scaled versions of it.
 const ONE_SD: f64 = 0.393_469_340_287_366_6; // 1 − e^(−1/2)
 
-/// A copy of a [`foveate::Seen`], without what is for observers of the algorithm alone.
+/// A copy of a [`foveate::Seen`], without the data for observers of the algorithm.
 pub struct Seen {
     bbox: BBox,
     status: Status,
@@ -34,12 +34,12 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// A picture in which the box was given: nothing was estimated.
+    /// Creates the result of a picture with a given box: nothing was estimated.
     pub fn given(bbox: BBox) -> Self {
         Self::of(&foveate::Seen::given([1; 3], &bbox))
     }
 
-    /// Takes what Python may ask for.
+    /// Copies the data that Python can access.
     pub fn of(seen: &foveate::Seen<'_>) -> Self {
         let names = (0..seen.classes.len()).map(|c| seen.class_name(c).into_owned());
         Self {
@@ -61,7 +61,7 @@ impl Seen {
     }
 }
 
-/// Numbers that become an array when they are asked for, without a copy, once.
+/// Numbers that become an array on first access, without a copy.
 struct Lazy<A> {
     values: std::sync::Mutex<Vec<f64>>,
     array: PyOnceLock<Py<A>>,
@@ -101,8 +101,8 @@ fn read_only<'py, D: numpy::ndarray::Dimension>(
     array
 }
 
-/// What a pickle has: the status; box, P(lost), effective sample size, log evidence, gaze, region, state and covariance in one row; gazes,
-/// rewards, particles and weights; and the classes.
+/// The contents of a pickle: the status; box, P(lost), effective sample size, log evidence, gaze, region, state and covariance in one row;
+/// gazes, rewards, particles and weights; and the classes.
 type Pickle<'py> = (String, Vec<f64>, [PyReadonlyArrayDyn<'py, f64>; 4], Vec<(String, f64)>);
 
 /// A result from its pickle.
@@ -143,7 +143,7 @@ pub(crate) fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Es
     Ok(seen.into())
 }
 
-/// The values of a `foveate.Result`, which has their documentation.
+/// The values of a `foveate.Result`, which documents them.
 #[pyclass(frozen, module = "foveate._foveate", name = "_Estimate")]
 pub struct Estimate {
     seen: Seen,
@@ -154,12 +154,12 @@ pub struct Estimate {
 }
 
 impl Seen {
-    /// What is believed of the track.
+    /// Returns the status of the track.
     pub fn status(&self) -> Status {
         self.status
     }
 
-    /// A `foveate.Result` of it.
+    /// Converts to a `foveate.Result`.
     pub fn into_result(self, py: Python<'_>, channels: &str) -> PyResult<Py<PyAny>> {
         static CLASS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
         let class = CLASS.get_or_try_init(py, || py.import("foveate._result")?.getattr("Result").map(Bound::unbind))?;

@@ -1,5 +1,5 @@
-//! The threads that updates run on: rayon's own, as in the Rust library, unless a number of them was asked for. A process that was
-//! forked has none of its parent's, and gets its own.
+//! The threads of updates: rayon's own, as in the Rust library, unless a number of threads was set. A forked process has no threads of its
+//! parent, and gets its own.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -7,7 +7,7 @@ use foveate::{Error, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 struct Pool {
-    /// The process that ran first, whose calls are rayon's own threads' business.
+    /// The first process, whose calls use rayon's own threads.
     first: u32,
     process: u32,
     wanted: usize,
@@ -16,10 +16,10 @@ struct Pool {
 
 static POOL: Mutex<Pool> = Mutex::new(Pool { first: 0, process: 0, wanted: 0, pool: None });
 
-/// Threads that may be asked for, as of the program.
+/// Maximum number of threads, as for the program.
 const MOST: usize = 1024;
 
-/// Uses so many threads from now on, 0 for all processors.
+/// Sets the number of threads from now on, 0 for all processors.
 pub(crate) fn set(wanted: usize) -> Result<()> {
     if wanted > MOST {
         return Err(Error::Invalid(format!("threads are 0, for all processors, to {MOST}; they are {wanted}")));
@@ -30,7 +30,7 @@ pub(crate) fn set(wanted: usize) -> Result<()> {
     Ok(())
 }
 
-/// Drops the pool, or leaves it alone where it is a parent's: its threads are not here to be ended.
+/// Drops the pool, or leaks it if it belongs to a parent process, because its threads do not exist here.
 fn forget(pool: &mut Pool) {
     let old = pool.pool.take();
     if pool.process != std::process::id() {
@@ -38,7 +38,7 @@ fn forget(pool: &mut Pool) {
     }
 }
 
-/// Runs on the threads of this process.
+/// Runs work on the threads of this process.
 pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
     let pool = {
         let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);

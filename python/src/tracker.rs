@@ -57,7 +57,7 @@ impl PyTracker {
         Self(held, Mutex::default())
     }
 
-    /// The result for Python; another status than before is logged.
+    /// Converts the result for Python; logs a change of status.
     fn result(&self, py: Python<'_>, seen: Seen) -> PyResult<Py<PyAny>> {
         let status = seen.status();
         let before = self.1.lock().unwrap_or_else(PoisonError::into_inner).replace(status);
@@ -190,21 +190,21 @@ impl PyTracker {
         slf.py().import("foveate._track")?.call_method1("track", (slf, video, r#box, progress))
     }
 
-    /// A picture before the target is given, or again before the first update after :meth:`load`: camera motion and detector compare
-    /// pictures, and see it; nothing is tracked.
+    /// Observes a picture without tracking: before the target is given, or before the first update after :meth:`load`. Camera motion and
+    /// detector compare pictures.
     fn skip(&self, image: &Bound<'_, PyAny>) -> PyResult<()> {
         self.0.show(image, |tracker, image| tracker.skip(image))
     }
 
-    /// Puts the target into this box: particles start about it, and P(lost) is 0 until the next picture. Everything else stays: the template,
-    /// what was learned, and the random streams, which go on.
+    /// Moves the target to this box: particles start around it, and P(lost) is 0 until the next picture. Everything else stays: the
+    /// template, the learned models, and the random streams, which continue.
     #[pyo3(signature = (r#box))]
     fn reset_at(&self, py: Python<'_>, r#box: &Bound<'_, PyAny>) -> PyResult<()> {
         let bbox: BBox = read_box(r#box)?;
         py.detach(|| self.0.working().tracker.reset_at(bbox)).or_raise(py)
     }
 
-    /// Says which share of the target the next pictures can show, 0 to 1, because something covers it; 1 until told otherwise.
+    /// Sets the fraction of the target that the next pictures can show, 0 to 1, if something covers it; 1 by default.
     fn set_visibility(&self, py: Python<'_>, visible: f64) -> PyResult<()> {
         if !(0.0..=1.0).contains(&visible) {
             return Err(input(py, format!("visibility is a share, 0 to 1; it is {visible}")));
@@ -239,12 +239,12 @@ impl PyTracker {
     fn has_target(&self, py: Python<'_>) -> bool {
         py.detach(|| self.0.working().tracker.has_target())
     }
-    /// The configuration as TOML, every setting written out.
+    /// The configuration as TOML, with every setting.
     #[getter]
     fn config(&self) -> String {
         self.0.making.text()
     }
-    /// What names all random numbers.
+    /// The seed of all random numbers.
     #[getter]
     fn seed(&self) -> u64 {
         self.0.making.seed
@@ -274,12 +274,12 @@ pub(crate) fn _restore_tracker(py: Python<'_>, pickle: Pickle) -> PyResult<PyTra
     Held::restored(py, pickle).map(PyTracker::of)
 }
 
-/// The detections of a frame, of any form: a `foveate._detections.Found`.
+/// Converts the detections of a frame from any form to a `foveate._detections.Found`.
 pub(crate) fn found<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     given.py().import("foveate._detections")?.call_method1("read", (given,))
 }
 
-/// Those of a `Found`, as they are tracked with.
+/// Converts a `Found` to the tracker's detections.
 pub(crate) fn detections_of(found: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
     let rows: PyReadonlyArray2<'_, f64> = found.getattr("rows")?.extract()?;
     let classes: PyReadonlyArray1<'_, i64> = found.getattr("classes")?.extract()?;

@@ -48,22 +48,22 @@ pub struct PyVideo {
     every: usize,
     info: SourceInfo,
     reading: Mutex<Reading>,
-    /// What a signal raised while a stream was waited for.
+    /// The exception that a signal raised while waiting for a stream.
     signal: Signal,
 }
 
 type Signal = Arc<Mutex<Option<PyErr>>>;
 
-/// Where reading stands.
+/// The reading position.
 struct Reading {
-    /// `None` where it is closed.
+    /// `None` if closed.
     source: Option<Box<dyn FrameSource>>,
     meter: Option<Meter>,
-    /// The picture that the source reads next.
+    /// The next picture of the source.
     at: usize,
-    /// The picture that is wanted next.
+    /// The next requested picture.
     wanted: usize,
-    /// The picture read last, and its time.
+    /// The last picture read, and its time.
     last: Option<(usize, f64)>,
     ended: bool,
 }
@@ -90,7 +90,7 @@ fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Whether it can be read a second time.
+/// Returns whether the source can be read a second time.
 fn repeats(path: &Path) -> bool {
     !is_live(path) && std::fs::metadata(path).map_or(path != Path::new("-"), |about| about.is_file() || about.is_dir())
 }
@@ -195,7 +195,7 @@ impl PyVideo {
     fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, pyo3::types::PyTuple>) {
         self.close(py);
     }
-    /// Ends reading, and the program that decodes, if there is one. A closed video cannot be read.
+    /// Stops reading, and ends the decoding program if there is one. A closed video cannot be read.
     fn close(&self, py: Python<'_>) {
         py.detach(|| held(&self.reading).source = None);
     }
@@ -233,28 +233,28 @@ impl PyVideo {
     fn size(&self) -> (usize, usize) {
         (self.info.width, self.info.height)
     }
-    /// Number of pictures in the source, where it knows it; what ffmpeg reads has an estimate.
+    /// Number of pictures in the source, if known; an estimate for sources read with ffmpeg.
     #[getter]
     fn frames(&self) -> Option<usize> {
         self.info.frames
     }
-    /// Pictures a second.
+    /// Pictures per second.
     #[getter]
     fn rate(&self) -> f64 {
         self.info.rate
     }
-    /// Where the picture read last stands in the source, counted from 0; ``None`` before the first one.
+    /// The index of the last picture read in the source, counted from 0; ``None`` before the first one.
     #[getter]
     fn frame(&self, py: Python<'_>) -> Option<usize> {
         py.detach(|| held(&self.reading).last).map(|(frame, _)| frame)
     }
-    /// The time of the picture read last, seconds from the first picture of the source; ``None`` before the first one. Folders have
-    /// 1/30 s a picture, streams and cameras the clock.
+    /// The time of the last picture read, seconds from the first picture of the source; ``None`` before the first one. Pictures of a folder
+    /// are 1/30 s apart; streams and cameras use the clock.
     #[getter]
     fn time(&self, py: Python<'_>) -> Option<f64> {
         py.detach(|| held(&self.reading).last).map(|(_, time)| time)
     }
-    /// Pictures of a stream or camera that came while the one before was at work, and were left out; 0 of files.
+    /// Number of pictures of a stream or camera that were dropped because the previous one was still being processed; 0 for files.
     #[getter]
     fn dropped(&self, py: Python<'_>) -> u64 {
         py.detach(|| held(&self.reading).meter.as_ref().map_or(0, Meter::dropped))
@@ -266,7 +266,7 @@ impl PyVideo {
 }
 
 impl PyVideo {
-    /// Refuses a picture that is known not to be there.
+    /// Refuses a picture that is known not to exist.
     fn check(&self, py: Python<'_>, frame: usize) -> PyResult<()> {
         match self.info.exact_frames() {
             Some(frames) if frame >= frames => {
