@@ -80,17 +80,17 @@ class Tracker:
     Parameters
     ----------
     profile : str
-        ``"balanced"``, ``"fast"`` (nearly three times the speed), ``"accurate"`` (three that vote: fewest failures, a third of the speed),
-        or the name of any configuration that ships: :func:`foveate.configurations` lists them.
+        ``"balanced"``, ``"fast"`` (nearly three times the speed), ``"accurate"`` (three trackers that vote: fewest failures, a third of the
+        speed), or the name of any shipped configuration: :func:`foveate.configurations` lists them.
     config : dict, path or str, optional
         A dict changes settings of the profile: ``{"particles": 400, "policy.kind": "hedge"}``. A path (``str`` or
-        ``os.PathLike``) is a TOML file in the profile's place; a ``str`` of more than one line is the TOML itself.
+        ``os.PathLike``) is a TOML file that replaces the profile; a ``str`` of more than one line is the TOML itself.
     seed : int, optional
-        Names all random numbers: the same seed gives the same track, bit for bit. Left out, it is the configuration's: 1 in
-        those that ship.
+        Seed of all random numbers: the same seed gives the same track, bit for bit. Default: the configuration's seed, which is 1 in
+        the shipped ones.
     channels : str
         The order of a colour picture's bytes: ``"rgb"`` (PIL, imageio), ``"bgr"`` (OpenCV), ``"rgba"`` or ``"bgra"``. Pictures of
-        shape (height, width) are grey whatever is said here.
+        shape (height, width) are always grey.
 
     Raises
     ------
@@ -122,30 +122,30 @@ class Tracker:
         channels: _Channels = "rgb",
     ) -> Tracker: ...
     def init(self, image: _Image, box: _Box) -> Result:
-        """Starts, or starts again, on the target in this box. Everything learned before is forgotten and the random streams start again, so
-        that the tracker goes on as a new one would, bit for bit. Only what a detector and the camera motion saw of earlier pictures stays.
+        """Starts or restarts on the target in this box. A restart resets all learned models and the random streams, so that the tracker
+        continues as a new one would, bit for bit. It keeps only the earlier pictures used by the detector and the camera motion.
 
         Parameters
         ----------
         image : uint8 array, (height, width) or (height, width, channels)
-            Of any strides; it is read in place. Colour and grey pictures cannot follow each other.
+            Any strides; read in place. Colour and grey pictures cannot be mixed.
         box : four numbers
             Left, top, width, height; pixels from 0. At least 2 x 2 pixels, touching the picture.
 
         Returns
         -------
         Result
-            Of the picture in which the box was given: the box itself, P(lost) 0, no particles.
+            The result of the picture with the given box: the box itself, P(lost) 0, no particles.
 
         Raises
         ------
         TypeError
-            The picture is no array of uint8, or the box not four numbers.
+            The picture is not an array of uint8, or the box is not four numbers.
         foveate.InputError
-            The picture has another shape than its channels say, or the box is empty, not finite or outside; nothing has changed.
+            The shape of the picture does not match its channels, or the box is empty, not finite or outside; nothing has changed.
         """
     def update(self, image: _Image) -> Result:
-        """The next picture of the video.
+        """Tracks the target in the next picture of the video.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class Tracker:
             There is no target yet, or the picture has another size than the first.
         """
     def update_with(self, image: _Image, detections: _Detections) -> Result:
-        """The same, with what a detector of yours found in the picture, in the place of the configuration's own.
+        """Tracks the target in the next picture with the detections of your detector, which replace those of the configuration's detector.
 
         Parameters
         ----------
@@ -175,8 +175,8 @@ class Tracker:
         Raises
         ------
         foveate.InputError
-            As :meth:`update`; or the configuration uses no detections. ``config={"detection_likelihood.place": 0.2}`` lets them weigh
-            particles; ``config={"proposal.kind": "mixture", "dynamics.tail_probability": 0}`` lets them move particles.
+            As :meth:`update`; or the configuration uses no detections. ``config={"detection_likelihood.place": 0.2}`` makes them weight
+            particles; ``config={"proposal.kind": "mixture", "dynamics.tail_probability": 0}`` makes them move particles.
         """
     def track(
         self, video: Video | str | PathLike[str] | int | Iterable[Any], box: _Box | None = None, *, progress: bool | None = None
@@ -188,15 +188,15 @@ class Tracker:
         video : Video, path, camera index, or iterable of pictures
             A path, an address or a camera's number is opened as :class:`Video` and closed at the end.
         box : four numbers, optional
-            The target in the first picture, as in :meth:`init`. Leave it out to go on with the target at hand.
+            The target in the first picture, as in :meth:`init`. Omit it to continue with the current target.
         progress : bool, optional
-            Whether to show progress on standard error. Left out: where that is a terminal.
+            Whether to show progress on standard error. Default: only if it is a terminal.
 
         Yields
         ------
         Result
-            One for each picture, the first one included. ``image`` is the picture until the next one is read; ``frame`` and ``time``
-            say where it stands in the video.
+            One for each picture, including the first. ``image`` is the picture until the next one is read; ``frame`` and ``time``
+            give its place in the video.
 
         Raises
         ------
@@ -221,21 +221,21 @@ class Tracker:
     def set_visibility(self, visible: float) -> None:
         """Sets the fraction of the target that the next pictures can show, 0 to 1, if something covers it; 1 by default."""
     def save(self) -> bytes:
-        """The whole state in mid-video, as JSON in UTF-8, for :meth:`load` in a tracker of the same configuration and seed.
+        """Returns the whole state during a video, as JSON in UTF-8, for :meth:`load` in a tracker of the same configuration and seed.
 
-        What detector and camera motion saw is not in it: show the last picture again with :meth:`skip` before the next update. A pickle
-        holds that picture, too. The background that a detector learned (``kind = "motion"``, ``"walkers"``) is in neither: it is learned
-        anew.
+        It lacks the last picture, which detector and camera motion need: call :meth:`skip` with it before the next update. A pickle
+        contains that picture. Neither contains the background model of a detector (``kind = "motion"``, ``"walkers"``), which is learned
+        again.
         """
     def load(self, saved: bytes) -> None:
-        """Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels. After an error the tracker has to be
-        given its target anew.
+        """Restores a state from :meth:`save` in a tracker of the same configuration, seed and channels. After an error the tracker needs a
+        new :meth:`init`.
 
         Raises
         ------
         foveate.InputError
-            It is no saved tracker, one of another version, or one with another configuration, seed or order of channels: the message names
-            what differs. The contents of model files are not compared.
+            The state is invalid, of another version, or of another configuration, seed or order of channels: the message names
+            the difference. The contents of model files are not compared.
         """
     @property
     def has_target(self) -> bool:
@@ -253,10 +253,10 @@ class Tracker:
 
 @final
 class MultiTracker:
-    """Follows many targets: those that are given, and those that detections start.
+    """Follows many targets, started by given boxes or by detections.
 
-    Parameters are those of :class:`Tracker`; the profile is ``"multi"`` (people and cars, with a detector of yours) unless told
-    otherwise.
+    The parameters are those of :class:`Tracker`; the default profile is ``"multi"`` (people and cars, with your own
+    detector).
 
     Examples
     --------
@@ -278,21 +278,21 @@ class MultiTracker:
         channels: _Channels = "rgb",
     ) -> MultiTracker: ...
     def update(self, image: _Image, detections: _Detections | None = None, *, lost: bool = False) -> Targets:
-        """Tracks all targets into the next picture, given what your detector found in it.
+        """Tracks all targets in the next picture, given the detections of your detector.
 
         Parameters
         ----------
         image : uint8 array, (height, width) or (height, width, channels)
         detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``, optional
-            Left, top, width, height and score; or for example ``supervision.Detections``, whose classes and data are carried to the
-            targets. Left out: none. Give scores where there are any: without them no track starts beside another target.
+            Left, top, width, height and score; or for example ``supervision.Detections`` with classes and data, which are copied to the
+            targets. Default: none. Give scores if available: without them no track starts beside another target.
         lost : bool
-            Whether targets in the phase "lost", whose boxes are guesses, are returned too.
+            Whether to return targets in the phase "lost" too; their boxes are guesses.
 
         Returns
         -------
         Targets
-            The targets, by id; ``detection_index`` says which detection became which target.
+            The targets, by id; ``detection_index`` has the index of the detection of each target.
 
         Raises
         ------
@@ -331,26 +331,26 @@ class MultiTracker:
 class Video:
     """The pictures of a video file, a folder of images, a stream or a camera, one after the other.
 
-    Each loop over it goes on where the last one stopped; after the end the next loop begins anew. It can be used in a ``with``
+    Each loop continues at the end of the previous one; after the last picture the next loop starts again. It can be used in a ``with``
     statement, which closes it.
 
     Parameters
     ----------
     source : path, address or camera index
-        H.264 in MP4, a folder of JPEG or PNG images, a numbered pattern of images (``"frames/%04d.png"``), one image; everything else
-        where ffmpeg is installed: other videos, streams (``"rtsp://..."``, ``"http://..."``), and cameras, by their number or
-        ``"/dev/video0"``. Of streams and cameras the newest picture is read.
+        H.264 in MP4, a folder of JPEG or PNG images, a numbered pattern of images (``"frames/%04d.png"``), one image; with ffmpeg
+        installed also other videos, streams (``"rtsp://..."``, ``"http://..."``), and cameras, by their number or
+        ``"/dev/video0"``. Streams and cameras yield their newest picture.
     channels : str
-        ``"rgb"`` or ``"bgr"``: the order that colour pictures come in; grey ones come as (height, width).
+        ``"rgb"`` or ``"bgr"``: the channel order of colour pictures; grey pictures have shape (height, width).
     start : int
         The first picture, counted from 0.
     every : int
-        Read every so many pictures from there on.
+        Read only every n-th picture from there on.
 
     Raises
     ------
     foveate.FileError
-        Nothing is there, or it cannot be read; while iterating, where the source breaks.
+        The source does not exist or cannot be read; while iterating, the source breaks off.
 
     Examples
     --------
@@ -377,13 +377,13 @@ class Video:
     def close(self) -> None:
         """Stops reading, and ends the decoding program if there is one. A closed video cannot be read."""
     def seek(self, frame: int) -> None:
-        """Goes to a picture, counted from 0: it is read next. Folders go there at once; videos are decoded from where they stand, or from
-        the beginning if that is later.
+        """Moves to a picture, counted from 0, which is read next. Immediate in folders; videos are decoded from the current place, or from
+        the beginning if the current place is later.
 
         Raises
         ------
         foveate.InputError
-            There is no such picture, or it is behind in a stream, which cannot be read again.
+            There is no such picture, or it is an earlier one of a stream, which cannot be read again.
         """
     @property
     def size(self) -> tuple[int, int]:
@@ -492,13 +492,13 @@ def run_program(arguments: Sequence[str], program: str) -> int:
 def set_threads(threads: int) -> None:
     """Sets the number of threads of every update from now on, 0 for all processors; results do not depend on it."""
 def set_max_memory(size: str | None) -> None:
-    """The most memory that pictures, targets and settings may ask for from now on, such as ``"6G"`` or ``"512M"``; more is an
-    error before it is taken. ``None`` is a quarter of the machine's memory, as at first. Results do not depend on it.
+    """Sets the memory limit for pictures, targets and settings, such as ``"6G"`` or ``"512M"``; exceeding it is an error.
+    ``None`` is the default, a quarter of the machine's memory. Results do not depend on it.
 
     Raises
     ------
     foveate.InputError
-        This is no such size, or less than 16M.
+        The size is invalid or less than 16M.
     """
 def configurations() -> list[str]:
     """Returns the names of the shipped configurations: each is a profile."""

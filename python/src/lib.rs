@@ -62,13 +62,13 @@ mod _foveate {
         crate::threads::set(threads).or_raise(py)
     }
 
-    /// The most memory that pictures, targets and settings may ask for from now on, such as ``"6G"`` or ``"512M"``; more is an
-    /// error before it is taken. ``None`` is a quarter of the machine's memory, as at first. Results do not depend on it.
+    /// Sets the memory limit for pictures, targets and settings, such as ``"6G"`` or ``"512M"``; exceeding it is an error.
+    /// ``None`` is the default, a quarter of the machine's memory. Results do not depend on it.
     ///
     /// Raises
     /// ------
     /// foveate.InputError
-    ///     This is no such size, or less than 16M.
+    ///     The size is invalid or less than 16M.
     #[pyfunction]
     fn set_max_memory(py: Python<'_>, size: Option<&str>) -> PyResult<()> {
         let bytes = size.map(foveate::memory::parse).transpose().map_err(foveate::Error::Invalid).or_raise(py)?;

@@ -14,10 +14,10 @@ use crate::making::{Making, profile_name};
 use crate::named::read_box;
 use crate::tracker::{detections_of, found};
 
-/// Follows many targets: those that are given, and those that detections start.
+/// Follows many targets, started by given boxes or by detections.
 ///
-/// Parameters are those of :class:`Tracker`; the profile is ``"multi"`` (people and cars, with a detector of yours) unless told
-/// otherwise.
+/// The parameters are those of :class:`Tracker`; the default profile is ``"multi"`` (people and cars, with your own
+/// detector).
 ///
 /// Examples
 /// --------
@@ -51,21 +51,21 @@ impl PyMultiTracker {
         Ok(Self { held, names: PyDict::new(py).unbind() })
     }
 
-    /// Tracks all targets into the next picture, given what your detector found in it.
+    /// Tracks all targets in the next picture, given the detections of your detector.
     ///
     /// Parameters
     /// ----------
     /// image : uint8 array, (height, width) or (height, width, channels)
     /// detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``, optional
-    ///     Left, top, width, height and score; or for example ``supervision.Detections``, whose classes and data are carried to the
-    ///     targets. Left out: none. Give scores where there are any: without them no track starts beside another target.
+    ///     Left, top, width, height and score; or for example ``supervision.Detections`` with classes and data, which are copied to the
+    ///     targets. Default: none. Give scores if available: without them no track starts beside another target.
     /// lost : bool
-    ///     Whether targets in the phase "lost", whose boxes are guesses, are returned too.
+    ///     Whether to return targets in the phase "lost" too; their boxes are guesses.
     ///
     /// Returns
     /// -------
     /// Targets
-    ///     The targets, by id; ``detection_index`` says which detection became which target.
+    ///     The targets, by id; ``detection_index`` has the index of the detection of each target.
     ///
     /// Raises
     /// ------

@@ -17,17 +17,17 @@ use crate::result::Seen;
 /// Parameters
 /// ----------
 /// profile : str
-///     ``"balanced"``, ``"fast"`` (nearly three times the speed), ``"accurate"`` (three that vote: fewest failures, a third of the speed),
-///     or the name of any configuration that ships: :func:`foveate.configurations` lists them.
+///     ``"balanced"``, ``"fast"`` (nearly three times the speed), ``"accurate"`` (three trackers that vote: fewest failures, a third of the
+///     speed), or the name of any shipped configuration: :func:`foveate.configurations` lists them.
 /// config : dict, path or str, optional
 ///     A dict changes settings of the profile: ``{"particles": 400, "policy.kind": "hedge"}``. A path (``str`` or
-///     ``os.PathLike``) is a TOML file in the profile's place; a ``str`` of more than one line is the TOML itself.
+///     ``os.PathLike``) is a TOML file that replaces the profile; a ``str`` of more than one line is the TOML itself.
 /// seed : int, optional
-///     Names all random numbers: the same seed gives the same track, bit for bit. Left out, it is the configuration's: 1 in
-///     those that ship.
+///     Seed of all random numbers: the same seed gives the same track, bit for bit. Default: the configuration's seed, which is 1 in
+///     the shipped ones.
 /// channels : str
 ///     The order of a colour picture's bytes: ``"rgb"`` (PIL, imageio), ``"bgr"`` (OpenCV), ``"rgba"`` or ``"bgra"``. Pictures of
-///     shape (height, width) are grey whatever is said here.
+///     shape (height, width) are always grey.
 ///
 /// Raises
 /// ------
@@ -83,27 +83,27 @@ impl PyTracker {
         Held::new(Making::new(py, profile, config, seed, channels)?).or_raise(py).map(Self::of)
     }
 
-    /// Starts, or starts again, on the target in this box. Everything learned before is forgotten and the random streams start again, so
-    /// that the tracker goes on as a new one would, bit for bit. Only what a detector and the camera motion saw of earlier pictures stays.
+    /// Starts or restarts on the target in this box. A restart resets all learned models and the random streams, so that the tracker
+    /// continues as a new one would, bit for bit. It keeps only the earlier pictures used by the detector and the camera motion.
     ///
     /// Parameters
     /// ----------
     /// image : uint8 array, (height, width) or (height, width, channels)
-    ///     Of any strides; it is read in place. Colour and grey pictures cannot follow each other.
+    ///     Any strides; read in place. Colour and grey pictures cannot be mixed.
     /// box : four numbers
     ///     Left, top, width, height; pixels from 0. At least 2 x 2 pixels, touching the picture.
     ///
     /// Returns
     /// -------
     /// Result
-    ///     Of the picture in which the box was given: the box itself, P(lost) 0, no particles.
+    ///     The result of the picture with the given box: the box itself, P(lost) 0, no particles.
     ///
     /// Raises
     /// ------
     /// TypeError
-    ///     The picture is no array of uint8, or the box not four numbers.
+    ///     The picture is not an array of uint8, or the box is not four numbers.
     /// foveate.InputError
-    ///     The picture has another shape than its channels say, or the box is empty, not finite or outside; nothing has changed.
+    ///     The shape of the picture does not match its channels, or the box is empty, not finite or outside; nothing has changed.
     #[pyo3(signature = (image, r#box))]
     fn init(&self, image: &Bound<'_, PyAny>, r#box: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
         let bbox = read_box(r#box)?;
@@ -111,7 +111,7 @@ impl PyTracker {
         self.result(image.py(), Seen::given(bbox))
     }
 
-    /// The next picture of the video.
+    /// Tracks the target in the next picture of the video.
     ///
     /// Parameters
     /// ----------
@@ -132,7 +132,7 @@ impl PyTracker {
         self.result(image.py(), seen)
     }
 
-    /// The same, with what a detector of yours found in the picture, in the place of the configuration's own.
+    /// Tracks the target in the next picture with the detections of your detector, which replace those of the configuration's detector.
     ///
     /// Parameters
     /// ----------
@@ -144,8 +144,8 @@ impl PyTracker {
     /// Raises
     /// ------
     /// foveate.InputError
-    ///     As :meth:`update`; or the configuration uses no detections. ``config={"detection_likelihood.place": 0.2}`` lets them weigh
-    ///     particles; ``config={"proposal.kind": "mixture", "dynamics.tail_probability": 0}`` lets them move particles.
+    ///     As :meth:`update`; or the configuration uses no detections. ``config={"detection_likelihood.place": 0.2}`` makes them weight
+    ///     particles; ``config={"proposal.kind": "mixture", "dynamics.tail_probability": 0}`` makes them move particles.
     fn update_with(&self, image: &Bound<'_, PyAny>, detections: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
         let found = detections_of(&found(detections)?)?;
         let seen = self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update_with(image, &found)?)))?;
@@ -159,15 +159,15 @@ impl PyTracker {
     /// video : Video, path, camera index, or iterable of pictures
     ///     A path, an address or a camera's number is opened as :class:`Video` and closed at the end.
     /// box : four numbers, optional
-    ///     The target in the first picture, as in :meth:`init`. Leave it out to go on with the target at hand.
+    ///     The target in the first picture, as in :meth:`init`. Omit it to continue with the current target.
     /// progress : bool, optional
-    ///     Whether to show progress on standard error. Left out: where that is a terminal.
+    ///     Whether to show progress on standard error. Default: only if it is a terminal.
     ///
     /// Yields
     /// ------
     /// Result
-    ///     One for each picture, the first one included. ``image`` is the picture until the next one is read; ``frame`` and ``time``
-    ///     say where it stands in the video.
+    ///     One for each picture, including the first. ``image`` is the picture until the next one is read; ``frame`` and ``time``
+    ///     give its place in the video.
     ///
     /// Raises
     /// ------
@@ -213,23 +213,23 @@ impl PyTracker {
         Ok(())
     }
 
-    /// The whole state in mid-video, as JSON in UTF-8, for :meth:`load` in a tracker of the same configuration and seed.
+    /// Returns the whole state during a video, as JSON in UTF-8, for :meth:`load` in a tracker of the same configuration and seed.
     ///
-    /// What detector and camera motion saw is not in it: show the last picture again with :meth:`skip` before the next update. A pickle
-    /// holds that picture, too. The background that a detector learned (``kind = "motion"``, ``"walkers"``) is in neither: it is learned
-    /// anew.
+    /// It lacks the last picture, which detector and camera motion need: call :meth:`skip` with it before the next update. A pickle
+    /// contains that picture. Neither contains the background model of a detector (``kind = "motion"``, ``"walkers"``), which is learned
+    /// again.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         self.0.save(py)
     }
 
-    /// Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels. After an error the tracker has to be
-    /// given its target anew.
+    /// Restores a state from :meth:`save` in a tracker of the same configuration, seed and channels. After an error the tracker needs a
+    /// new :meth:`init`.
     ///
     /// Raises
     /// ------
     /// foveate.InputError
-    ///     It is no saved tracker, one of another version, or one with another configuration, seed or order of channels: the message names
-    ///     what differs. The contents of model files are not compared.
+    ///     The state is invalid, of another version, or of another configuration, seed or order of channels: the message names
+    ///     the difference. The contents of model files are not compared.
     fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
         self.0.load(py, saved)
     }

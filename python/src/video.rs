@@ -13,26 +13,26 @@ use crate::pictures::{Channels, interleaved};
 
 /// The pictures of a video file, a folder of images, a stream or a camera, one after the other.
 ///
-/// Each loop over it goes on where the last one stopped; after the end the next loop begins anew. It can be used in a ``with``
+/// Each loop continues at the end of the previous one; after the last picture the next loop starts again. It can be used in a ``with``
 /// statement, which closes it.
 ///
 /// Parameters
 /// ----------
 /// source : path, address or camera index
-///     H.264 in MP4, a folder of JPEG or PNG images, a numbered pattern of images (``"frames/%04d.png"``), one image; everything else
-///     where ffmpeg is installed: other videos, streams (``"rtsp://..."``, ``"http://..."``), and cameras, by their number or
-///     ``"/dev/video0"``. Of streams and cameras the newest picture is read.
+///     H.264 in MP4, a folder of JPEG or PNG images, a numbered pattern of images (``"frames/%04d.png"``), one image; with ffmpeg
+///     installed also other videos, streams (``"rtsp://..."``, ``"http://..."``), and cameras, by their number or
+///     ``"/dev/video0"``. Streams and cameras yield their newest picture.
 /// channels : str
-///     ``"rgb"`` or ``"bgr"``: the order that colour pictures come in; grey ones come as (height, width).
+///     ``"rgb"`` or ``"bgr"``: the channel order of colour pictures; grey pictures have shape (height, width).
 /// start : int
 ///     The first picture, counted from 0.
 /// every : int
-///     Read every so many pictures from there on.
+///     Read only every n-th picture from there on.
 ///
 /// Raises
 /// ------
 /// foveate.FileError
-///     Nothing is there, or it cannot be read; while iterating, where the source breaks.
+///     The source does not exist or cannot be read; while iterating, the source breaks off.
 ///
 /// Examples
 /// --------
@@ -173,7 +173,7 @@ impl PyVideo {
     /// Raises
     /// ------
     /// TypeError
-    ///     It is not known before the end: of streams, and of what ffmpeg reads, for which ``frames`` has an estimate.
+    ///     The number is unknown before the end: for streams, and for sources read with ffmpeg, for which ``frames`` has an estimate.
     fn __len__(&self) -> PyResult<usize> {
         let frames = self.info.exact_frames().ok_or_else(|| {
             PyTypeError::new_err(
@@ -199,13 +199,13 @@ impl PyVideo {
     fn close(&self, py: Python<'_>) {
         py.detach(|| held(&self.reading).source = None);
     }
-    /// Goes to a picture, counted from 0: it is read next. Folders go there at once; videos are decoded from where they stand, or from
-    /// the beginning if that is later.
+    /// Moves to a picture, counted from 0, which is read next. Immediate in folders; videos are decoded from the current place, or from
+    /// the beginning if the current place is later.
     ///
     /// Raises
     /// ------
     /// foveate.InputError
-    ///     There is no such picture, or it is behind in a stream, which cannot be read again.
+    ///     There is no such picture, or it is an earlier one of a stream, which cannot be read again.
     fn seek(&self, py: Python<'_>, frame: usize) -> PyResult<()> {
         self.check(py, frame)?;
         let back = py.detach(|| {
