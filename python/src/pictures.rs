@@ -38,7 +38,7 @@ impl Channels {
             input(py, format!("channels is one of {names}; it is \"{name}\""))
         })
     }
-    /// The same, where there are three.
+    /// Returns the channels if there are three.
     pub(crate) fn of_three(self, py: Python<'_>) -> PyResult<Self> {
         if self.depth == 3 {
             return Ok(self);

@@ -217,7 +217,7 @@ fn normalisations_hold_after_every_step() {
     }
 }
 
-/// Rows whose pairs share their size: the machine comes to prefer them to rows of the same numbers put together anew.
+/// Rows with pairs of a common size: the machine prefers them to rows with the same numbers recombined.
 #[test]
 fn training_learns_what_goes_together() {
     let data = rows(3000);

@@ -180,7 +180,7 @@ fn tell(
 const FULL: &str =
     "There were more targets than memory allows: some detections started no track. Allow more with --max-memory.";
 
-/// Reports a run in which nothing was tracked, and ends the program if it was asked to stop.
+/// Reports a run in which nothing was tracked, and ends the program after a stop request.
 fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result<()> {
     if !tracked {
         note!("foveate: nothing was tracked; {} was left as it was", out.display());

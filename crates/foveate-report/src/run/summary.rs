@@ -18,7 +18,7 @@ pub struct RunSummary {
     pub seconds: Vec<f64>,
     /// Time spent in all frames.
     pub spent: Duration,
-    /// Whether the run was asked to stop before the source ended.
+    /// Whether the run was stopped before the source ended.
     pub stopped: bool,
     /// Frames of the source in which the decoder reported damage.
     pub damaged: u64,
@@ -26,11 +26,11 @@ pub struct RunSummary {
     pub tracked: usize,
     /// One target: values read from the tracked frames, the sum of [`Seen::values`].
     pub values: usize,
-    /// One target: frames whose status is occluded.
+    /// One target: number of occluded frames.
     pub occluded: usize,
-    /// One target: frames whose status is lost.
+    /// One target: number of lost frames.
     pub lost: usize,
-    /// One target: frames whose box lies outside the picture.
+    /// One target: number of frames with the box outside the picture.
     pub outside: usize,
     /// One target: its box in every frame as in boxes.txt, [`touching`] the picture.
     pub boxes: Vec<BBox>,

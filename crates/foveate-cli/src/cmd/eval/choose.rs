@@ -1,7 +1,7 @@
-//! `foveate eval --choose`: candidates run on all sequences, chosen on one half and judged on the other.
+//! Implements `foveate eval --choose`: runs candidates on all sequences, chooses on one half and tests on the other.
 //!
-//! Finished runs are kept in `runs/`, named by what they depend on, so that the same command goes on after a stop. The tracks of
-//! each candidate are in `candidates/`, in folders that `foveate eval --results` reads.
+//! Finished runs are kept in `runs/`, named by a digest of their dependencies, so that the same command resumes after an interruption. The
+//! tracks of each candidate are in `candidates/`, in folders that `foveate eval --results` reads.
 
 use std::path::Path;
 
@@ -20,14 +20,14 @@ use crate::runs::{Entry, Store};
 /// The folder of candidates.
 const CANDIDATES: &str = "candidates";
 
-/// Which run: indices of candidate and sequence, and the seed.
+/// A run: indices of candidate and sequence, and the seed.
 struct Job {
     candidate: usize,
     sequence: usize,
     seed: u64,
 }
 
-/// What is chosen among, checked: every candidate is a tracker, and both halves have sequences.
+/// The checked candidates: each is a valid tracker, and both halves have sequences.
 pub(super) struct Plan {
     candidates: Vec<Candidate>,
     entries: Vec<Entry>,
@@ -35,7 +35,7 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// Of settings as --choose has them. Nothing is written yet.
+    /// Creates the plan from the settings of --choose. Writes nothing yet.
     pub(super) fn of(config: &Config, folder: &Folder, choices: &[String], sequences: &[Sequence]) -> Result<Self> {
         for half in ["a", "b"] {
             if !sequences.iter().any(|s| by_half(&s.name) == half) {
@@ -58,7 +58,7 @@ impl Plan {
         Ok(Self { candidates, entries, present })
     }
 
-    /// Runs what is not kept in `store` yet; answers all tracks. `None` where it was asked to stop, or to do a part only.
+    /// Makes the runs missing in `store`; returns all tracks. `None` if the program was stopped, or does only a part.
     pub(super) fn run(
         &self,
         sequences: &[Sequence],
@@ -80,7 +80,7 @@ impl Plan {
         Ok(tracks.filter(|_| store.shard.is_none()))
     }
 
-    /// The files in the folder of results that [`Plan::judge`] and [`keep`] may write.
+    /// Returns the files in the results folder that [`Plan::judge`] and [`keep`] may write.
     pub(super) fn files(&self, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
         let mut files: Vec<String> = ["cross.txt", "cross.json"].map(str::to_owned).to_vec();
         for c in &self.candidates {
@@ -91,7 +91,7 @@ impl Plan {
         files
     }
 
-    /// The choice, and the cross-validated tracker.
+    /// Returns the choice, and the cross-validated tracker.
     pub(super) fn judge(
         &self,
         sequences: &[Sequence],
@@ -105,7 +105,7 @@ impl Plan {
         Ok((choice, cross))
     }
 
-    /// Puts the tracks of each candidate into a folder of its own, and scores them.
+    /// Writes the tracks of each candidate to its own folder, and scores them.
     fn score(&self, sequences: &[Sequence], seeds: &[u64], out: &Path, tracks: &[Kept]) -> Result<Vec<Evaluation>> {
         let one = |(c, tracks): (&Candidate, &[Kept])| {
             let folder = out.join(CANDIDATES).join(folder_name(&c.name));
@@ -122,8 +122,7 @@ impl Plan {
     }
 }
 
-/// Keeps what a choice gave as cross.txt and cross.json, which also says of which configuration and with which seeds; answers
-/// the text.
+/// Writes a choice as cross.txt and cross.json, with the configuration and the seeds; returns the text.
 pub(super) fn keep(choice: &Choice, configuration: &str, seeds: &[u64], out: &Path) -> Result<String> {
     let (text, mut json) = (choice_table::text(choice), choice_table::json(choice));
     json["configuration"] = configuration.into();
@@ -134,7 +133,7 @@ pub(super) fn keep(choice: &Choice, configuration: &str, seeds: &[u64], out: &Pa
     Ok(text)
 }
 
-/// A candidate's folder: its name, with `_` for what folders are not named with.
+/// Returns a candidate's folder name: its name, with `_` for characters that are unsuitable in file names.
 fn folder_name(name: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._=-".contains(c);
     let short: String = name.chars().map(|c| if plain(c) { c } else { '_' }).take(100).collect();

@@ -4,7 +4,7 @@ use foveate::config::Config;
 use foveate::text::counted;
 use foveate::{Error, Result};
 
-/// More candidates than this are a mistake.
+/// Maximum number of candidates; more are assumed to be a mistake.
 const MOST: usize = 1000;
 
 /// A candidate: its settings, `KEY=VALUE` with a space between two, and its configuration.
@@ -14,10 +14,10 @@ pub(super) struct Candidate {
     pub config: Config,
 }
 
-/// All combinations of settings such as `colour.mixing_weight=0.1,0.2`, the last one changing first.
+/// Returns all combinations of settings such as `colour.mixing_weight=0.1,0.2`, with the last one changing first.
 ///
-/// Fails where one is no list of values for a key, a key comes twice, a configuration is refused, two candidates are the same,
-/// or there are fewer than two or more than [`MOST`].
+/// Fails if one is not a list of values for a key, a key comes twice, a configuration is refused, two candidates are the same, or there are
+/// fewer than two or more than [`MOST`].
 pub(super) fn candidates(config: &Config, choices: &[String]) -> Result<Vec<Candidate>> {
     let lists: Vec<(&str, Vec<&str>)> = choices.iter().map(|choice| list(choice)).collect::<Result<_>>()?;
     for (i, (key, _)) in lists.iter().enumerate() {
@@ -56,7 +56,7 @@ pub(super) fn candidates(config: &Config, choices: &[String]) -> Result<Vec<Cand
     Ok(found)
 }
 
-/// A key and its values. Commas in brackets, braces and quotes divide no values.
+/// Parses a key and its values. Commas in brackets, braces and quotes do not separate values.
 fn list(choice: &str) -> Result<(&str, Vec<&str>)> {
     let wrong = || {
         Error::Config(format!("--choose {choice}: expected KEY=VALUE,VALUE..., such as colour.mixing_weight=0.1,0.2"))

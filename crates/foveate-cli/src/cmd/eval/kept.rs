@@ -1,5 +1,5 @@
-//! Runs of `foveate eval` that are kept in files: an evaluation that was stopped goes on, one with `--choose` as well, and several
-//! processes or machines may share one out (`--shard`, `--merge`).
+//! Stored runs of `foveate eval`: an interrupted evaluation resumes, also with `--choose`, and several processes or machines can share one
+//! (`--shard`, `--merge`).
 
 use foveate::lab::eval::confidence::Judged;
 use foveate::lab::eval::{Sequence, TrackRun, experiment};
@@ -10,7 +10,7 @@ use super::one_pass::one_pass;
 use super::record::{Data, Settings};
 use crate::runs::{self, Entry, Finished, Store};
 
-/// A finished run, as its file has it.
+/// A finished run, as stored in its file.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Kept {
     pub sequence: String,
@@ -22,7 +22,7 @@ pub(crate) struct Kept {
 }
 
 impl Kept {
-    /// As [`one_pass`] answers it.
+    /// Returns the parts in the form of [`one_pass`].
     pub(crate) fn apart(self) -> (TrackRun, Vec<Judged>) {
         (TrackRun { boxes: self.boxes, seconds: self.seconds, read: self.read }, self.judged)
     }
@@ -43,19 +43,19 @@ pub(crate) struct Runs<'a> {
 }
 
 impl<'a> Runs<'a> {
-    /// Those that are kept in `store`, or will be; `data` are those of the sequences.
+    /// Creates the runs that are or will be stored in `store`; `data` belongs to the sequences.
     pub(crate) fn new(entry: Entry, sequences: &'a [Sequence], data: &'a [Data], store: &'a Store) -> Self {
         Self { entry, sequences, data, store }
     }
 
-    /// The run of a sequence with a seed, kept or made.
+    /// Returns the run of a sequence with a seed, stored or newly made.
     pub(crate) fn one(&self, sequence: &Sequence, seed: u64) -> Result<Kept> {
         let i = self.sequences.iter().position(|it| it.name == sequence.name).expect("one of the sequences");
         self.store.one(&self.key(seed, i), sequence.truth.len(), || make(&self.entry, sequence, seed))
     }
 
-    /// The runs of each seed with each sequence, in this order; those that are not kept yet are made side by side, each in one
-    /// thread. `None` where it was asked to stop, or to do a part only.
+    /// Returns the runs of each seed with each sequence, in this order; makes missing ones in parallel, each in one thread. `None` if the
+    /// program was stopped, or does only a part.
     pub(crate) fn all(&self, seeds: &[u64]) -> Result<Option<Vec<Kept>>> {
         let jobs: Vec<(u64, usize)> =
             seeds.iter().flat_map(|seed| (0..self.sequences.len()).map(move |sequence| (*seed, sequence))).collect();
@@ -66,16 +66,16 @@ impl<'a> Runs<'a> {
         Ok(kept.filter(|_| self.store.shard.is_none()))
     }
 
-    /// Removes the files of these runs, and their folder where nothing else is in it.
+    /// Removes the files of these runs, and their folder if it is then empty.
     pub(crate) fn forget(&self, seeds: &[u64]) -> Result<()> {
         let all = |seed: &u64| (0..self.sequences.len()).map(|i| self.key(*seed, i)).collect::<Vec<_>>();
         self.store.forget(seeds.iter().flat_map(all))?;
-        // What is left in the folder is not of this evaluation.
+        // Other files in the folder do not belong to this evaluation.
         let _ = std::fs::remove_file(Settings::file(&self.store.folder));
         Ok(())
     }
 
-    /// What P(lost) takes off the radius of a credible region: that of the tracker's configuration.
+    /// Returns the localisation noise of the tracker's configuration, for the credible regions.
     pub(crate) fn localisation_noise(&self) -> f64 {
         self.entry.blueprint.config().confidence.localisation_noise
     }
@@ -85,12 +85,12 @@ impl<'a> Runs<'a> {
     }
 }
 
-/// What names the file of a run: what it is done for, and all that it depends on, the boxes and pictures of the sequence among it.
+/// Returns the key of a run's file: a digest of its purpose and all its dependencies, including the boxes and pictures of the sequence.
 pub(crate) fn key(purpose: &str, entry: &Entry, sequence: &Sequence, data: &Data, seed: u64) -> String {
     experiment::digest(&[purpose, &entry.key, &sequence.name, &data.digest(), &seed.to_string()].map(str::as_bytes))
 }
 
-/// A run, and the text of its file.
+/// Makes a run; also returns the text of its file.
 pub(crate) fn make(entry: &Entry, sequence: &Sequence, seed: u64) -> Result<(Kept, Vec<u8>)> {
     let (TrackRun { boxes, seconds, read }, judged) = one_pass(&entry.blueprint, sequence, seed)?;
     let kept = Kept { sequence: sequence.name.clone(), seed, boxes, seconds, read, judged };

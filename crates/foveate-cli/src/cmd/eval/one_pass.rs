@@ -10,8 +10,8 @@ use foveate::{Error, Result};
 
 use crate::cmd::of_file;
 
-/// Refuses sequences that no tracker can be run on, before it is run on any: the first box must be one that a target can have, and
-/// there must be a picture for each box. Says where there are more pictures.
+/// Refuses sequences that no tracker can run on, before running any: the first box must be valid for a target, and there must be a picture
+/// for each box. Reports surplus pictures.
 pub(super) fn check(sequences: &[Sequence]) -> Result<()> {
     for sequence in sequences {
         let (bbox, source, truth) = (sequence.init()?, open(&sequence.images)?, sequence.truth_file.display());
@@ -34,7 +34,7 @@ pub(super) fn check(sequences: &[Sequence]) -> Result<()> {
     Ok(())
 }
 
-/// The boxes of all frames, and what was said in each frame from the second on.
+/// Returns the boxes of all frames, and the reports in each frame from the second on.
 pub(super) fn one_pass(blueprint: &Blueprint, sequence: &Sequence, seed: u64) -> Result<(TrackRun, Vec<Judged>)> {
     let (mut tracker, mut source, bbox) = (blueprint.tracker(seed)?, open(&sequence.images)?, sequence.init()?);
     let plan = RunPlan { init: Some(bbox), until: sequence.truth.len() - 1, ..RunPlan::default() };

@@ -1,4 +1,5 @@
-//! What an evaluation ran: kept in `scores.json` as `run` and shown in `report.html`, so that two folders of results can be told apart.
+//! The record of an evaluation: stored in `scores.json` as `run` and shown in `report.html`, so that two folders of results can be
+//! distinguished.
 
 use std::path::{Path, PathBuf};
 
@@ -19,23 +20,23 @@ pub(crate) struct Record {
     /// A digest of the program's file: two builds of one version differ.
     build: String,
     command: String,
-    /// The tracker that was run; none where only results of others were scored.
+    /// The tracker that was run; `None` if only results of other trackers were scored.
     tracker: Option<Ran>,
-    /// Folders and files whose results were scored.
+    /// The folders and files of scored results.
     results: Vec<PathBuf>,
     data: Vec<Data>,
 }
 
-/// A configuration, resolved, and how often it was run.
+/// A resolved configuration, and its number of runs.
 #[derive(Clone, Debug, Serialize)]
 struct Ran {
-    /// Its name, and what the command line changed in it.
+    /// The configuration's name and changes.
     configuration: String,
     policy: String,
-    /// Windows and cells, as `foveate configs` prints them.
+    /// Windows and cells in the format of `foveate configs`.
     retina: String,
     seeds: Vec<u64>,
-    /// A digest of its boxes on a small fixed video: it differs where a model file does.
+    /// A digest of its boxes on a small fixed video: differs if a model file differs.
     fingerprint: String,
     /// The whole configuration as TOML.
     text: String,
@@ -51,12 +52,12 @@ pub(crate) struct Data {
     truth: PathBuf,
     /// A digest of the true boxes.
     boxes: String,
-    /// A digest of the names and of all bytes of the pictures; none where no picture was read.
+    /// A digest of the names and of all bytes of the pictures; `None` if no picture was read.
     pictures: Option<String>,
 }
 
 impl Data {
-    /// Of a sequence whose pictures are not read.
+    /// Describes a sequence without reading its pictures.
     pub(crate) fn without_pictures(sequence: &Sequence) -> Self {
         Self {
             sequence: sequence.name.clone(),
@@ -66,7 +67,7 @@ impl Data {
         }
     }
 
-    /// Of a sequence that a tracker is run on.
+    /// Describes a sequence that a tracker runs on.
     ///
     /// # Errors
     /// It has no pictures, or one cannot be read.
@@ -80,7 +81,7 @@ impl Data {
         Ok(Self { pictures: Some(pictures), ..Self::without_pictures(sequence) })
     }
 
-    /// Of the truth of many targets.
+    /// Describes the truth of many targets.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -90,14 +91,14 @@ impl Data {
         Ok(Self { sequence: sequence.name.clone(), truth, boxes: experiment::digest(&[&bytes]), pictures: None })
     }
 
-    /// A name for the true boxes and the pictures.
+    /// Returns a digest of the true boxes and the pictures.
     pub(crate) fn digest(&self) -> String {
         experiment::digest(&[&self.boxes, self.pictures.as_deref().unwrap_or_default()].map(str::as_bytes))
     }
 }
 
 impl Record {
-    /// Of an evaluation that runs no tracker, and scores the results in these folders and files.
+    /// Creates the record of an evaluation that runs no tracker, and scores the results in these folders and files.
     ///
     /// # Errors
     /// The program's file cannot be read.
@@ -112,7 +113,7 @@ impl Record {
         })
     }
 
-    /// With the tracker that is run; `configuration` is its name and what was changed in it.
+    /// Adds the tracker that is run; `configuration` is its name and changes.
     pub(crate) fn running(mut self, entry: &Entry, configuration: &str, seeds: &[u64], choose: &[String]) -> Self {
         let config = entry.blueprint.config();
         self.tracker = Some(Ran {
@@ -127,17 +128,17 @@ impl Record {
         self
     }
 
-    /// The configuration's name and what was changed in it; empty where no tracker is run.
+    /// Returns the configuration's name and changes; empty if no tracker is run.
     pub(crate) fn configuration(&self) -> &str {
         self.tracker.as_ref().map_or("", |ran| &ran.configuration)
     }
 
-    /// As `scores.json` has it.
+    /// Returns the record for `scores.json`.
     pub(crate) fn json(&self) -> serde_json::Value {
         serde_json::to_value(self).expect("it is plain data")
     }
 
-    /// As a section of `report.html`.
+    /// Returns the record as a section of `report.html`.
     pub(crate) fn html(&self) -> String {
         let code = |text: &str| format!("<code>{}</code>", escape(text));
         let mut facts = vec![("Command", code(&self.command))];
@@ -171,13 +172,13 @@ impl Record {
     }
 }
 
-/// A name for the program itself: a rebuilt one may track otherwise.
+/// Returns a digest of the program itself: a rebuilt one may give other tracks.
 pub(crate) fn program() -> Result<String> {
     let path = crate::invocation::program();
     Ok(experiment::digest(&[&std::fs::read(path).map_err(Error::io(path, "cannot read"))?]))
 }
 
-/// The settings that finished runs have in common: a file beside their folder.
+/// The common settings of finished runs: a file beside their folder.
 #[derive(PartialEq, serde::Deserialize, Serialize)]
 pub(crate) struct Settings {
     build: String,
@@ -191,12 +192,12 @@ impl Settings {
         Ok(Self { build: program()?, fingerprint: entry.fingerprint.clone(), configuration })
     }
 
-    /// The file for a folder of finished runs.
+    /// Returns the file for a folder of finished runs.
     pub(crate) fn file(runs: &Path) -> PathBuf {
         runs.with_extension("settings.json")
     }
 
-    /// In what they differ from others; none where they do not.
+    /// Describes the difference from other settings; `None` if there is none.
     fn differs(&self, other: &Self) -> Option<String> {
         let (ours, theirs) = (self.configuration.lines(), other.configuration.lines());
         let lines = |text: &Self| text.configuration.lines().map(str::to_owned).collect::<Vec<_>>();
@@ -213,7 +214,8 @@ impl Settings {
         Some(format!("another configuration ({there}; this command has {here})"))
     }
 
-    /// Writes them beside the folder `runs`. Fails where it, or one of the `others` that runs are taken from, was made with others.
+    /// Writes the settings beside the folder `runs`. Fails if this folder, or one of the `others` that runs are taken from, was made with
+    /// other settings.
     pub(crate) fn claim(&self, runs: &Path, others: &[PathBuf]) -> Result<()> {
         for folder in others.iter().map(PathBuf::as_path).chain([runs]).filter(|folder| folder.is_dir()) {
             let Ok(text) = std::fs::read(Self::file(folder)) else { continue };
