@@ -1,12 +1,12 @@
-//! Regret: what other gazes would have earned.
+//! Regret: the difference between other gazes' rewards and the policy's.
 //!
-//! A [`RegretLog`] holds the reward of the policy's own gaze in each frame, and those of some fixed gazes in the same frames
-//! ([`foveate_core::gaze::Shadow`] has them scored). The best fixed gaze is known in hindsight only: it is the one with the
-//! largest sum over all frames, argmaxₖ Σₜ rₜ(k). Regret is its reward less the policy's, frame by frame and cumulative
-//! (section 4.2 speaks of it; theorem 2.2 of Cesa-Bianchi & Lugosi 2006 bounds it for Hedge).
+//! A [`RegretLog`] holds the reward of the policy's own gaze in each frame, and the rewards of some fixed gazes in the same frames, scored
+//! by [`foveate_core::gaze::Shadow`]. The best fixed gaze is known only in hindsight: it has the largest sum over all frames, argmaxₖ Σₜ
+//! rₜ(k). Regret is its reward minus the policy's, per frame and cumulative (section 4.2; theorem 2.2 of Cesa-Bianchi & Lugosi 2006 bounds
+//! it for Hedge).
 //!
-//! All gazes are scored under the belief that the policy's own gazes have led to. What the track would have been with
-//! another gaze in every frame is another question: a run with that gaze answers it.
+//! All gazes are scored under the belief that results from the policy's own gazes. Regret does not predict the track with another gaze in
+//! every frame: run the tracker with that gaze instead.
 
 use crate::columns::REGRET;
 use crate::csv::Rows;

@@ -1,11 +1,11 @@
 //! One line per frame, written as soon as the frame is tracked.
 //!
-//! JSON has, in this order: `frame` (from 1), `time` (seconds from the first frame), `bbox` (pixels, from 0), `p_lost` (0 to 1),
-//! `status` (`given` where the box was), `dropped` (frames of the source that were not tracked so far), `damaged` (frames of it in which
-//! the decoder reported damage so far; it reads a few frames ahead) and `latency_ms` (from the frame read whole to this line; `null` where
-//! frames are not timed). Of many targets: `frame`, `time`, `targets`, `dropped`, `damaged`, `latency_ms`; each target has `id`, `bbox`,
-//! `phase` and `deficit`. MOT lines are those of tracks.txt, of one target with the id 1 and 1 − P(lost)
-//! as its confidence; frames whose box is not usable (occluded or lost) are left out.
+//! JSON has, in this order: `frame` (from 1), `time` (seconds from the first frame), `bbox` (pixels, from 0), `p_lost` (0 to 1), `status`
+//! (`given` for a given box), `dropped` (number of source frames so far that were not tracked), `damaged` (number of source frames so far
+//! in which the decoder reported damage; it reads a few frames ahead) and `latency_ms` (from reading the complete frame to this line;
+//! `null` if frames are not timed). With many targets: `frame`, `time`, `targets`, `dropped`, `damaged`, `latency_ms`; each target has
+//! `id`, `bbox`, `phase` and `deficit`. MOT lines are those of tracks.txt; a single target has the id 1 and the confidence 1 − P(lost).
+//! Frames with an unusable box (occluded or lost) are left out.
 
 use std::io::{ErrorKind, Write};
 use std::net::UdpSocket;

@@ -165,12 +165,12 @@ impl FactoredRbm {
     pub(crate) fn sizes(&self) -> Sizes {
         self.parameters.sizes()
     }
-    /// p(hᶜ = 0 | v), then p(hᵐ = 1 | v), of the units asked for, for every row of `v` (m × n_v) into `h` (m ×
-    /// [`FactoredRbm::width`]). Allocates nothing but for a thread's first product; a row's
-    /// result depends on that row alone, bit for bit.
+    /// Computes p(hᶜ = 0 | v), then p(hᵐ = 1 | v), of the selected units, for every row of `v` (m × n_v) into `h` (m ×
+    /// [`FactoredRbm::width`]). Allocates nothing except for a thread's first product; a row's result depends on that row alone, bit for
+    /// bit.
     ///
-    /// Deviation: the article takes p(hᶜ = 1), which nearly all units have high, on flat patches most of all: then any two
-    /// glimpses are alike. That a relation is broken is rare, and says what is there.
+    /// Deviation: the article uses p(hᶜ = 1), which is high for nearly all units, most of all on flat patches, so that any two glimpses are
+    /// alike. A broken relation is rare and therefore informative.
     pub(crate) fn features(&self, v: Rows<'_>, units: Units, mut h: RowsMut<'_>) {
         let (n_v, n_h) = (self.whitening.shape().0, self.width(units));
         assert_eq!((v.width(), h.width()), (n_v, n_h), "rows must be as wide as the machine's sides");

@@ -31,11 +31,11 @@ impl Sequence {
     }
 }
 
-/// All sequences in `folders`, each of which is a sequence or holds some, by name.
+/// Finds all sequences in `folders`, each of which is a sequence or holds some, by name.
 ///
-/// A sequence has `groundtruth_rect.txt` (OTB; `groundtruth_rect.2.txt` is a second target of its own)
-/// or `groundtruth.txt` (GOT-10k and LaSOT, where `absence.label`, `full_occlusion.txt` and `out_of_view.txt` say in which frames the
-/// target is absent; or VOT, which counts pixels from 0 and has polygons, too: [`vot::is_sequence`] tells them apart).
+/// A sequence has `groundtruth_rect.txt` (OTB; `groundtruth_rect.2.txt` is a second target) or `groundtruth.txt`: GOT-10k and LaSOT, with
+/// absent frames listed in `absence.label`, `full_occlusion.txt` and `out_of_view.txt`; or VOT, which counts pixels from 0 and also has
+/// polygons. [`vot::is_sequence`] distinguishes them.
 ///
 /// # Errors
 /// A folder cannot be read or holds no sequence, a truth file is damaged, or two sequences share a name.
