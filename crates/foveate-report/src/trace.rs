@@ -14,7 +14,7 @@ use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_video::Frame;
 
-/// Writes the contents of [`Step`] under its names: the keys [`crate::columns::TRACE`]. Numbers that are not finite are `null`; others read
+/// Writes the contents of [`Seen`] under its names: the keys [`crate::columns::TRACE`]. Numbers that are not finite are `null`; others read
 /// back bit for bit.
 #[derive(Debug)]
 pub struct Trace {

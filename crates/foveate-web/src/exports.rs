@@ -1,5 +1,6 @@
 //! The functions called by the page. Bytes pass through two buffers: the page writes to [`input`] and reads from [`output`]. Only the
 //! names, which the linker must not change, are unsafe here.
+#![allow(unreachable_pub)] // The page reaches these functions by the linker's names.
 
 use std::io::{Error, ErrorKind, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
