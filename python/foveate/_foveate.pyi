@@ -242,7 +242,7 @@ class Tracker:
         """Whether there is a target: it was given, or loaded."""
     @property
     def config(self) -> str:
-        """Returns the configuration as TOML, with every setting."""
+        """The configuration as TOML, with every setting."""
     @property
     def seed(self) -> int:
         """The seed of all random numbers."""
@@ -318,7 +318,7 @@ class MultiTracker:
         """Restores a state from :meth:`save`, in a tracker of the same configuration, seed and channels; after an error nothing has changed."""
     @property
     def config(self) -> str:
-        """Returns the configuration as TOML, with every setting."""
+        """The configuration as TOML, with every setting."""
     @property
     def seed(self) -> int:
         """The seed of all random numbers."""
