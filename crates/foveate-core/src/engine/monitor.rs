@@ -11,7 +11,7 @@ use crate::control::{
 use crate::gaze::Context;
 use crate::geometry::{Gaze, State};
 use crate::identity::surroundings::Surroundings;
-use crate::identity::{Lesson, Percept};
+use crate::identity::{Lesson, Memory, Percept};
 
 /// P(lost) below which a frame is confident, and the number of frames from one remembered frame to the next.
 const CERTAIN: f64 = 0.05;
@@ -172,6 +172,16 @@ impl Monitor {
         if is_judged { self.loss.judge(evidence) } else { self.loss.hold() }
     }
 
+    /// Resets the discriminant and the colour model to frame 1, and drops the surroundings of the target.
+    pub(super) fn forget_learned(&mut self, memory: Option<&mut dyn Memory>) {
+        if let Some(memory) = memory {
+            memory.forget();
+        }
+        if let Some(surroundings) = &mut self.surroundings {
+            surroundings.clear();
+        }
+    }
+
     /// Resets appearance and surroundings after this verdict if needed, and remembers the surroundings of the target if frame `t` is due.
     /// Returns whether the tracker was misled: it has just lost the target, and everything learned since frame 1 is reset.
     pub(super) fn revise(
@@ -184,13 +194,8 @@ impl Monitor {
         let lost = self.loss.is_searching();
         let misled = lost && !was_lost && self.loss.is_misled();
         if misled {
-            // The discriminant and the colour model were trained on another object.
-            if let Some(memory) = view.appearance.memory() {
-                memory.forget();
-            }
-            if let Some(surroundings) = &mut self.surroundings {
-                surroundings.clear();
-            }
+            // They were trained on another object.
+            self.forget_learned(view.appearance.memory());
         }
         if lost {
             if let Some(memory) = view.appearance.memory() {

@@ -41,14 +41,9 @@ pub(super) fn follow(
 }
 
 impl Engine {
-    /// Resets the discriminant and the colour model to frame 1, and drops the surroundings of the target.
+    /// Resets everything that was learned since frame 1, of the second tracker too.
     fn forget_learned(&mut self) {
-        if let Some(memory) = self.parts.appearance.memory() {
-            memory.forget();
-        }
-        if let Some(surroundings) = &mut self.parts.monitor.surroundings {
-            surroundings.clear();
-        }
+        self.parts.monitor.forget_learned(self.parts.appearance.memory());
         if let Some(second) = &mut self.second {
             second.forget_learned();
         }
