@@ -35,7 +35,7 @@ use crate::terminal;
 /// DIR --results DIR
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// Sequences in the layout of OTB (groundtruth_rect.txt, img/), VOT, GOT-10k or LaSOT (groundtruth.txt), or folders of sequences
+    /// Sequences in the layout of OTB (groundtruth_rect.txt, img/ or video.mp4), VOT, GOT-10k or LaSOT (groundtruth.txt), or folders of sequences
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "mot")]
     pub seqs: Vec<PathBuf>,
     /// Score tracks of many targets in MOTChallenge's text format (frame,id,x,y,w,h,conf,...)

@@ -5,14 +5,18 @@ use std::path::{Path, PathBuf};
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
 use foveate_video::annotation::{hide_absent, read_truth};
-use foveate_video::{frames_folder, vot};
+use foveate_video::{frames_folder, image_files, vot};
 
-/// A video as a folder of images, with the ground truth of its target.
+/// The file of the frames, if a sequence's folder has no pictures.
+const VIDEO: &str = "video.mp4";
+
+/// A video with the ground truth of its target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sequence {
     /// The folder's name, followed by `-2`, `-3` for further targets of the same video.
     pub name: String,
-    /// The folder of the images: `img/` in OTB's layout, `img1/` in MOTChallenge's, `color/` in VOT's, the folder itself in GOT-10k's.
+    /// The folder of the images: `img/` in OTB's layout, `img1/` in MOTChallenge's, `color/` in VOT's, the folder itself in GOT-10k's; or
+    /// the file `video.mp4`.
     pub images: PathBuf,
     /// The file of the truth.
     pub truth_file: PathBuf,
@@ -29,13 +33,21 @@ impl Sequence {
         let absent = || Error::malformed(&self.truth_file, "the target is absent in frame 1, where a tracker starts");
         self.truth.first().copied().flatten().ok_or_else(absent)
     }
+
+    /// Returns the files of its frames: the pictures in order, or the video.
+    ///
+    /// # Errors
+    /// The folder of the images cannot be read or has none.
+    pub fn files(&self) -> Result<Vec<PathBuf>> {
+        if self.images.is_file() { Ok(vec![self.images.clone()]) } else { image_files(&self.images) }
+    }
 }
 
 /// Finds all sequences in `folders`, each of which is a sequence or holds some, by name.
 ///
 /// A sequence has `groundtruth_rect.txt` (OTB; `groundtruth_rect.2.txt` is a second target) or `groundtruth.txt`: GOT-10k and LaSOT, with
 /// absent frames listed in `absence.label`, `full_occlusion.txt` and `out_of_view.txt`; or VOT, which counts pixels from 0 and also has
-/// polygons. [`vot::is_sequence`] distinguishes them.
+/// polygons. [`vot::is_sequence`] distinguishes them. Its frames are pictures, or `video.mp4`.
 ///
 /// # Errors
 /// A folder cannot be read or holds no sequence, a truth file is damaged, or two sequences share a name.
@@ -50,7 +62,7 @@ pub fn find_sequences(folders: &[PathBuf]) -> Result<Vec<Sequence>> {
             }
         }
         if found.len() == before {
-            let problem = "no sequence here: expected groundtruth_rect.txt and img/, or folders that have them";
+            let problem = "no sequence here: expected groundtruth_rect.txt and img/ or video.mp4, or folders that have them";
             return Err(Error::malformed(folder, problem));
         }
     }
@@ -77,7 +89,8 @@ fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
         let whole = std::path::absolute(folder).map_err(Error::io(folder, "cannot find"))?;
         let base = whole.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = if target == 1 { base } else { format!("{base}-{target}") };
-        let images = frames_folder(folder);
+        let (images, video) = (frames_folder(folder), folder.join(VIDEO));
+        let images = if images == folder && video.is_file() { video } else { images };
         let of_vot = truth_file.ends_with("groundtruth.txt") && vot::is_sequence(folder);
         let mut truth = if of_vot { vot::read_truth(&truth_file)? } else { read_truth(&truth_file)? };
         if !of_vot {
@@ -122,6 +135,8 @@ mod tests {
         write("all/B/img/0001.png", "");
         write("all/A/groundtruth.txt", "2,3,5,5\n");
         write("all/notes/readme.txt", "");
+        write("film/V/groundtruth_rect.txt", "1,1,5,5\n");
+        write("film/V/video.mp4", "");
         let all = dir.path().join("all");
         let found = find_sequences(std::slice::from_ref(&all)).expect("three");
         assert_eq!(found.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["A", "B", "B-2"]);
@@ -129,6 +144,11 @@ mod tests {
         assert_eq!(found[0].init().expect("a box"), BBox { x: 1.0, y: 2.0, w: 5.0, h: 5.0 });
         assert!(found[2].init().expect_err("absent").to_string().contains("absent in frame 1"));
         assert_eq!(find_sequences(&[all.join("B")]).expect("itself").len(), 2);
+        let video = dir.path().join("film/V/video.mp4");
+        let of_video = || find_sequences(&[dir.path().join("film")]).expect("one").remove(0);
+        assert_eq!((of_video().images.clone(), of_video().files().expect("there")), (video.clone(), vec![video]));
+        write("film/V/img/0001.png", "");
+        assert_eq!(of_video().images, dir.path().join("film/V/img"), "pictures come first");
 
         // GOT-10k counts from 1, VOT from 0.
         write("got/G/groundtruth.txt", "2,3,5,5\n3,3,5,5\n");

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use foveate::lab::eval::{Sequence, experiment, mot};
 use foveate::report::escape;
-use foveate::video::image_files;
 use foveate::{Error, Result};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -76,7 +75,7 @@ impl Data {
             let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
             Ok(experiment::digest(&[path.file_name().unwrap_or_default().as_encoded_bytes(), &bytes]))
         };
-        let each: Vec<String> = image_files(&sequence.images)?.par_iter().map(one).collect::<Result<_>>()?;
+        let each: Vec<String> = sequence.files()?.par_iter().map(one).collect::<Result<_>>()?;
         let pictures = experiment::digest(&each.iter().map(String::as_bytes).collect::<Vec<_>>());
         Ok(Self { pictures: Some(pictures), ..Self::without_pictures(sequence) })
     }
