@@ -62,7 +62,8 @@ pub fn find_sequences(folders: &[PathBuf]) -> Result<Vec<Sequence>> {
             }
         }
         if found.len() == before {
-            let problem = "no sequence here: expected groundtruth_rect.txt and img/ or video.mp4, or folders that have them";
+            let problem =
+                "no sequence here: expected groundtruth_rect.txt and img/ or video.mp4, or folders that have them";
             return Err(Error::malformed(folder, problem));
         }
     }
