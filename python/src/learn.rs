@@ -11,6 +11,7 @@ use foveate::learn::filters::{self, PatchFilters};
 use foveate::learn::rbm::io::{Tensor, Tensors};
 use foveate::learn::rbm::{self, Rbm};
 use foveate::learn::softmax::{self, Examples, Fit};
+use foveate::learn::training::Training as _;
 use foveate::rows::{Rows, RowsMut};
 use foveate::{Error, Result};
 use numpy::ndarray::{Array2, ArrayD};
@@ -67,7 +68,7 @@ impl Training {
         Err(Error::Stopped)
     }
     /// Returns the learned tensors; for filters with their cost.
-    fn learned(&self) -> Result<Tensors> {
+    fn learned(&mut self) -> Result<Tensors> {
         Ok(match self {
             Self::Filters(trainer) => {
                 let mut tensors = owned(trainer.learned().tensors());

@@ -1,6 +1,6 @@
-//! Requirements of tests: programs, data and processors that a machine may lack.
+//! What tests share: requirements (programs, data and processors that a machine may lack), and damage to files.
 //!
-//! A test that needs one begins with [`need!`]. Where it is missing, the test returns and is recorded as skipped: a line
+//! A test that has a requirement begins with [`need!`]. Where it is missing, the test returns and is recorded as skipped: a line
 //! `test: reason` on standard error, and in the file that the environment variable `FOVEATE_SKIPPED` names, if it is set.
 //! With `FOVEATE_STRICT=1` the test fails instead.
 #![forbid(unsafe_code)]
@@ -77,6 +77,33 @@ pub fn node() -> Result<(), String> {
 fn program(name: &str, version: &str) -> Result<(), String> {
     let status = Command::new(name).arg(version).stdout(Stdio::null()).stderr(Stdio::null()).status();
     if status.is_ok_and(|status| status.success()) { Ok(()) } else { Err(format!("program {name}")) }
+}
+
+/// Damages a file in one to three places: bytes are changed, removed, repeated or cut off, or one of `words` replaces some. The same seed
+/// gives the same bytes.
+pub fn damaged(good: &[u8], words: &[&str], seed: u64) -> Vec<u8> {
+    // SplitMix64.
+    let mut state = seed;
+    let mut below = |n: usize| {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % n as u64) as usize
+    };
+    let mut bytes = good.to_vec();
+    for _ in 0..1 + below(3) {
+        let at = below(bytes.len());
+        let end = (at + 1 + below(19)).min(bytes.len());
+        match below(5 + words.len().min(1)) {
+            0 => bytes[at] = below(256) as u8,
+            1 if end - at < bytes.len() => drop(bytes.drain(at..end)),
+            2 => bytes.extend_from_within(at..end),
+            3 => bytes.truncate(at + 1),
+            5 => drop(bytes.splice(at..end.min(at + 3), words[below(words.len())].bytes())),
+            _ => bytes[at] = b"0123456789.-e[]{}\",="[below(20)],
+        }
+    }
+    bytes
 }
 
 #[cfg(test)]

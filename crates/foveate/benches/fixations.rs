@@ -7,6 +7,7 @@
 //! rounds' own. One JSON line a figure.
 
 use foveate::learn::rbm::fixations::{Code, Cost, Places, Recipe, Sequences, Trainer};
+use foveate::learn::training::Training;
 use foveate::rows::Rows;
 
 mod clock;
@@ -52,9 +53,9 @@ fn run(rounds: usize) {
     let data = Sequences::new(Rows::new(&x, N_V), &codes, &labels, WINDOW).expect("they fit");
     let places = Places::grid(3, 0.5).expect("nine places");
     for (name, cost) in [("hybrid", Cost::Hybrid), ("hybrid-sequential", Cost::HybridSequential)] {
-        let recipe =
-            Recipe { hidden: HIDDEN, factors: FACTORS, batch: BATCH, epochs: 1000, ..Recipe::new(cost, WINDOW, 10) };
-        let mut trainer = Trainer::new(recipe, places.clone(), data).expect("they fit");
+        let usual = Recipe::new(cost, WINDOW, 10, places.clone());
+        let recipe = Recipe { hidden: HIDDEN, factors: FACTORS, batch: BATCH, epochs: 1000, ..usual };
+        let mut trainer = Trainer::new(recipe, data).expect("they fit");
         trainer.epoch(data);
         let of_step = products(cost == Cost::HybridSequential);
         let operations: f64 = of_step.iter().map(|((m, k, n), times)| 2.0 * (m * k * n * times) as f64).sum();

@@ -5,6 +5,7 @@
 //! time, but nothing to learn). One JSON line a figure; seconds are those of the CPU where the system tells them.
 
 use foveate::learn::rbm::{Negative, Recipe, Trainer, Visible, monitor};
+use foveate::learn::training::Training;
 use foveate::rows::{Rows, RowsMut};
 use std::io::Read;
 use std::path::PathBuf;

@@ -4,8 +4,8 @@
 //! same seed gives the same bits for any number of threads, and after any interruption.
 
 use super::Autoencoder;
-use foveate::learn::rbm::epoch_state::EpochState;
 use foveate::learn::rbm::product::{add_outer, block_of, rows_times};
+use foveate::learn::training::{EpochState, Part, Training, named};
 use foveate::rng::{Purpose, Streams};
 use foveate::rows::{Rows, RowsMut};
 use foveate::{Error, Result};
@@ -68,11 +68,11 @@ impl Recipe {
 /// The state of a training run, without the data.
 #[derive(Debug)]
 pub(crate) struct Trainer {
-    pub(super) recipe: Recipe,
-    pub(super) model: Autoencoder,
+    recipe: Recipe,
+    model: Autoencoder,
     /// Velocities of W, then b, then c.
-    pub(super) velocity: Vec<f32>,
-    pub(super) state: EpochState,
+    velocity: Vec<f32>,
+    state: EpochState,
     work: Work,
 }
 
@@ -85,10 +85,14 @@ struct Work {
     gradient: Vec<f32>,
 }
 
-impl Trainer {
-    /// Starts with small random weights and biases 0. Fails if the recipe is out of range, a value is not finite, or there is no full
-    /// batch.
-    pub(crate) fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
+/// Begins with small random weights and biases 0.
+impl Training for Trainer {
+    type Recipe = Recipe;
+    type Data<'a> = Rows<'a>;
+    const CHECKPOINT: &'static str = "autoencoder-checkpoint";
+    foveate::learn::training_fields!();
+
+    fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
         recipe.check()?;
         if rows.len() < recipe.batch || !rows.data().iter().all(|x| x.is_finite()) {
             return Err(Error::Invalid(format!(
@@ -105,28 +109,18 @@ impl Trainer {
         let weights = (0..n_v * n_h).map(|_| sd * normal()).collect();
         let model = Autoencoder::new(weights, vec![0.0; n_v], vec![0.0; n_h])?;
         let velocity = vec![0.0; n_v * n_h + n_v + n_h];
-        Ok(Self { recipe, model, velocity, state: EpochState::default(), work: Work::default() })
+        Ok(Self { state: EpochState::new(recipe.epochs), recipe, model, velocity, work: Work::default() })
     }
-    foveate::learn::training_accessors!();
-    /// Returns the number of batches per epoch for this many rows.
-    pub(crate) fn batches(&self, rows: usize) -> usize {
-        rows / self.recipe.batch
+    fn batches(&self, rows: Rows<'_>) -> usize {
+        rows.len() / self.recipe.batch
     }
-    /// Returns the current autoencoder.
-    pub(crate) fn learned(&self) -> &Autoencoder {
-        &self.model
+    fn parts(&mut self) -> Vec<Part<'_>> {
+        let layer = self.model.layer.parameters_mut();
+        let mut all = Vec::from(named("", ["weights", "visible_bias", "hidden_bias"], layer));
+        all.push(("velocity".into(), &mut self.velocity));
+        all
     }
-    /// Fails if a parameter is no longer finite: the training has diverged.
-    pub(crate) fn check(&self) -> Result<()> {
-        let layer = &self.model.layer;
-        let all = [layer.weights().data(), layer.visible_bias(), layer.hidden_bias()];
-        if all.iter().all(|x| x.iter().all(|x| x.is_finite())) {
-            return Ok(());
-        }
-        Err(self.state.diverged(self.recipe.rate))
-    }
-    /// Trains on one mini-batch. `rows` must be those of the first batch.
-    pub(crate) fn step(&mut self, rows: Rows<'_>) {
+    fn step(&mut self, rows: Rows<'_>) {
         let (n_v, r) = (rows.width(), &self.recipe);
         let draws = self.state.draws(r.seed);
         let (first, picked) = self.state.rows(rows.len(), r.batch, Some(draws.rng(0)));
@@ -141,7 +135,14 @@ impl Trainer {
         }
         self.gradient(Rows::new(&clean, n_v));
         self.descend();
-        self.state.done(self.batches(rows.len()));
+        self.state.done(self.batches(rows));
+    }
+}
+
+impl Trainer {
+    /// Returns the current autoencoder.
+    pub(crate) fn learned(&self) -> &Autoencoder {
+        &self.model
     }
     /// Computes ∂/∂(W, b, c) of the mean of ½‖v̂ − v‖² over `clean` rows with corrupted versions `work.noisy`.
     fn gradient(&mut self, clean: Rows<'_>) {

@@ -36,6 +36,7 @@ mod tests {
     use super::*;
     use crate::mcrbm::{Recipe, Trainer};
     use foveate::conformance;
+    use foveate::learn::training::Training;
     use foveate::rng::Streams;
     use rand::RngExt;
 

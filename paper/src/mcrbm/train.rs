@@ -8,9 +8,9 @@ use super::energy::Scratch;
 use super::hmc::{Step, Work as Chains, transition};
 use super::{FactoredRbm, Negative, Parameters, Recipe, Sizes};
 use foveate::learn::rbm::Whitening;
-use foveate::learn::rbm::epoch_state::EpochState;
 use foveate::learn::rbm::product::{add_outer, block_of};
 use foveate::learn::rbm::units::add_rows;
+use foveate::learn::training::{EpochState, Part, Training, named};
 use foveate::rng::{Purpose, Streams};
 use foveate::rows::Rows;
 use foveate::{Error, Result};
@@ -36,15 +36,15 @@ const LENGTH_REMEMBERED: f32 = 0.95;
 /// The state of a training run.
 #[derive(Debug)]
 pub(crate) struct Trainer {
-    pub(super) recipe: Recipe,
-    pub(super) whitening: Whitening,
+    recipe: Recipe,
+    whitening: Whitening,
     pub(super) parameters: Parameters,
     /// The model's rows, batch × n_x.
     pub(super) chains: Vec<f32>,
-    pub(super) step: Step,
+    step: Step,
     /// The common length of the columns of C.
     pub(super) length: f32,
-    pub(super) state: EpochState,
+    state: EpochState,
     /// The rows, whitened.
     data: Vec<f32>,
     work: Work,
@@ -60,11 +60,14 @@ struct Work {
     sums: Vec<f32>,
 }
 
-impl Trainer {
-    /// Starts a training: fits the whitening to the rows (glimpses as the encoder conditions them), and draws small filters.
-    ///
-    /// Fails if the recipe is out of range, a value is not finite, or there is no full batch.
-    pub(crate) fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
+/// Begins by fitting the whitening to the rows (glimpses as the encoder conditions them), and drawing small filters.
+impl Training for Trainer {
+    type Recipe = Recipe;
+    type Data<'a> = Rows<'a>;
+    const CHECKPOINT: &'static str = "mcrbm-checkpoint";
+    foveate::learn::training_fields!();
+
+    fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
         recipe.check()?;
         if rows.len() < recipe.batch {
             return Err(Error::Invalid(format!(
@@ -96,37 +99,22 @@ impl Trainer {
         FactoredRbm::new(whitening.clone(), parameters.clone())?;
         let step = Step { size: FIRST_STEP, rejection: recipe.rejection };
         let work = Work::default();
-        Ok(Self { recipe, whitening, parameters, chains, step, length, state: EpochState::default(), data, work })
+        let state = EpochState::new(recipe.epochs);
+        Ok(Self { recipe, whitening, parameters, chains, step, length, state, data, work })
     }
-    foveate::learn::training_accessors!();
-    /// Returns the number of batches per epoch.
-    pub(crate) fn batches(&self) -> usize {
-        self.data.len() / self.whitening.shape().1 / self.recipe.batch
+    fn batches(&self, rows: Rows<'_>) -> usize {
+        rows.len() / self.recipe.batch
     }
-    /// Returns the current length of a leapfrog step, and the running rejection rate.
-    pub(crate) fn leapfrog(&self) -> (f32, f32) {
-        (self.step.size, self.step.rejection)
+    fn parts(&mut self) -> Vec<Part<'_>> {
+        let Step { size, rejection } = &mut self.step;
+        let parts = self.parameters.parts_mut().into_iter().map(|(name, values)| (name.into(), &mut values[..]));
+        let numbers = [size, rejection, &mut self.length].map(std::slice::from_mut);
+        parts
+            .chain([("chains".into(), &mut self.chains[..])])
+            .chain(named("state.", ["step", "rejection", "length"], numbers))
+            .collect()
     }
-    /// Returns the current machine.
-    pub(crate) fn learned(&self) -> FactoredRbm {
-        FactoredRbm { whitening: self.whitening.clone(), parameters: self.parameters.clone() }
-    }
-    /// Fails if a parameter is no longer finite: the training has diverged.
-    pub(crate) fn check(&self) -> Result<()> {
-        if self.parameters.parts().iter().all(|(_, x)| x.iter().all(|x| x.is_finite())) {
-            return Ok(());
-        }
-        Err(self.state.diverged(self.recipe.rate))
-    }
-    /// Replaces the whitening of the rows.
-    pub(super) fn rewhiten(&mut self, whitening: Whitening, rows: Rows<'_>) {
-        if whitening != self.whitening {
-            self.data = whiten(&whitening, rows);
-            self.whitening = whitening;
-        }
-    }
-    /// Trains on one mini-batch.
-    pub(crate) fn step(&mut self) {
+    fn step(&mut self, rows: Rows<'_>) {
         let (n, batch) = (self.whitening.shape().1, self.recipe.batch);
         let draws = self.state.draws(self.recipe.seed);
         let (first, picked) = self.state.rows(self.data.len() / n, batch, Some(draws.rng(0)));
@@ -145,7 +133,18 @@ impl Trainer {
         x.extend_from_slice(&self.chains);
         self.statistics();
         self.update();
-        self.state.done(self.batches());
+        self.state.done(self.batches(rows));
+    }
+}
+
+impl Trainer {
+    /// Returns the current length of a leapfrog step, and the running rejection rate.
+    pub(crate) fn leapfrog(&self) -> (f32, f32) {
+        (self.step.size, self.step.rejection)
+    }
+    /// Returns the current machine.
+    pub(crate) fn learned(&self) -> FactoredRbm {
+        FactoredRbm { whitening: self.whitening.clone(), parameters: self.parameters.clone() }
     }
     /// Computes the parameter statistics of the rows in `work.x`, with the model's half negative.
     fn statistics(&mut self) {

@@ -5,7 +5,7 @@ use foveate::Result;
 use foveate::identity::retina::Retina;
 use foveate::lab::training::filters;
 
-use foveate_cli::training::{self, Glimpses, Natural};
+use foveate_cli::training::{Glimpses, Natural};
 
 /// Train a denoising autoencoder with tied weights on glimpses of natural photographs.
 ///
@@ -77,21 +77,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let (files, recipe) = (args.natural.files()?, args.recipe());
     recipe.check()?;
     let glimpses = args.natural.glimpses()?;
-    let mut trainer = files.begin(
-        Trainer::progress,
-        |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
-        || Trainer::new(recipe.clone(), glimpses.rows()),
-    )?;
-    training::train(
-        (recipe.epochs, trainer.batches(glimpses.rows().len())),
-        &mut trainer,
-        Trainer::progress,
-        |trainer| {
-            trainer.step(glimpses.rows());
-            Ok(())
-        },
-        |trainer| trainer.save(&files.checkpoint, &glimpses.sha256),
-        |trainer| {
+    let trainer = files.train::<Trainer, _>(
+        &recipe,
+        &glimpses.sha256,
+        |_| Ok(glimpses.rows()),
+        |rows| *rows,
+        |trainer, _| {
             let [ours, theirs] = glimpses.monitored().map(|rows| trainer.learned().error(rows));
             Ok(format!("reconstruction {ours:.3} (held out {theirs:.3})"))
         },

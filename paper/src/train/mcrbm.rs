@@ -8,7 +8,7 @@ use foveate::lab::training::filters;
 use foveate::rows::{Rows, RowsMut};
 
 use foveate_cli::say;
-use foveate_cli::training::{self, Glimpses, Natural};
+use foveate_cli::training::{Glimpses, Natural};
 
 /// Train a factored RBM, of covariance and mean units, on glimpses of natural photographs.
 ///
@@ -129,29 +129,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let (files, recipe) = (args.natural.files()?, args.recipe());
     recipe.check()?;
     let glimpses = args.natural.glimpses()?;
-    let mut trainer = files.begin(
-        Trainer::progress,
-        |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
-        || Trainer::new(recipe.clone(), glimpses.rows()),
-    )?;
-    let sizes = trainer.learned().sizes();
-    say!(
-        "{} whitened values, {} factors, {} covariance and {} mean units",
-        sizes.white,
-        sizes.factors,
-        sizes.covariance,
-        sizes.mean
-    );
-    training::train(
-        (recipe.epochs, trainer.batches()),
-        &mut trainer,
-        Trainer::progress,
-        |trainer| {
-            trainer.step();
-            Ok(())
-        },
-        |trainer| trainer.save(&files.checkpoint, &glimpses.sha256),
-        |trainer| {
+    let trainer = files.train::<Trainer, _>(
+        &recipe,
+        &glimpses.sha256,
+        |_| Ok(glimpses.rows()),
+        |rows| *rows,
+        |trainer, _| {
             let model = trainer.learned();
             let [(ours, covariance, mean), (theirs, ..)] = glimpses.monitored().map(|rows| fit(&model, rows));
             let (step, rejected) = trainer.leapfrog();
@@ -163,6 +146,14 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     )?;
 
     let rbm = trainer.learned();
+    let sizes = rbm.sizes();
+    say!(
+        "{} whitened values, {} factors, {} covariance and {} mean units",
+        sizes.white,
+        sizes.factors,
+        sizes.covariance,
+        sizes.mean
+    );
     rbm.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
     let (factors, means) = (rbm.factor_filters(), rbm.mean_filters());
     // The factors' filters, then the mean units' filters.

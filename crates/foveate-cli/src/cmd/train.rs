@@ -234,21 +234,12 @@ fn train(args: &RbmArgs) -> Result<()> {
     let counts = [args.glimpses, args.held_out];
     let glimpses = common::Glimpses::look(retina, (set, &args.data), counts, recipe.visible, args.seed)?;
 
-    let mut trainer = files.begin(
-        Trainer::progress,
-        |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
-        || Trainer::new(recipe.clone(), glimpses.rows()),
-    )?;
-    common::train(
-        (recipe.epochs, trainer.batches(glimpses.rows().len())),
-        &mut trainer,
-        Trainer::progress,
-        |trainer| {
-            trainer.step(glimpses.rows());
-            Ok(())
-        },
-        |trainer| trainer.save(&files.checkpoint, &glimpses.sha256),
-        |trainer| {
+    let trainer = files.train::<Trainer, _>(
+        &recipe,
+        &glimpses.sha256,
+        |_| Ok(glimpses.rows()),
+        |rows| *rows,
+        |trainer, _| {
             let learned = trainer.learned();
             let [fit, held] = glimpses.monitored().map(|rows| Fit::of(&learned, rows));
             Ok(epoch_line(&fit, &held))

@@ -264,6 +264,7 @@ mod tests {
     use crate::conformance;
     use crate::identity::retina::{Foveal, FovealConfig, Retina};
     use foveate_learn::filters::{Recipe, Trainer};
+    use foveate_learn::training::Training;
 
     fn cells(rings: &[[usize; 2]], colour: &[[usize; 2]]) -> Vec<Cell> {
         let config = FovealConfig { side: 28.0, rings: rings.to_vec(), colour: colour.to_vec() };
@@ -279,7 +280,7 @@ mod tests {
         let data = random(side * side * 600);
         let recipe = Recipe { keep: 0.95, ..Recipe::new(filters) };
         let mut trainer = Trainer::new(recipe, Rows::new(&data, side * side)).expect("patches");
-        (0..3).for_each(|_| trainer.step());
+        (0..3).for_each(|_| trainer.step(Rows::new(&data, side * side)));
         trainer.learned().clone()
     }
 

@@ -136,6 +136,7 @@ mod tests {
     use foveate_base::rows::Rows;
     use foveate_learn::rbm::fixations::{Code, Cost, Places, Recipe, Sequences, Trainer};
     use foveate_learn::softmax::Fit;
+    use foveate_learn::training::Training;
 
     /// A machine learned on two patterns at two places, and the data.
     fn learned(cost: Cost, classes: usize) -> (Arc<FixationRbm>, Vec<f32>, Vec<Code>, Vec<u8>) {
@@ -147,11 +148,11 @@ mod tests {
             }
             y.push((i % 2) as u8);
         }
-        let recipe =
-            Recipe { hidden: 8, factors: 8, epochs: 20, rate: 0.03, batch: 10, ..Recipe::new(cost, 2, classes) };
-        let data = Sequences::new(Rows::new(&x, 4), &z, &y, 2).expect("they fit");
         let places = Places::new(vec![[-0.5, 0.0], [0.5, 0.0]]).expect("two places");
-        let mut trainer = Trainer::new(recipe, places, data).expect("they fit");
+        let usual = Recipe::new(cost, 2, classes, places);
+        let recipe = Recipe { hidden: 8, factors: 8, epochs: 20, rate: 0.03, batch: 10, ..usual };
+        let data = Sequences::new(Rows::new(&x, 4), &z, &y, 2).expect("they fit");
+        let mut trainer = Trainer::new(recipe, data).expect("they fit");
         while !trainer.is_done() {
             trainer.epoch(data);
         }

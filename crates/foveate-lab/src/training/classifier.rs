@@ -8,14 +8,11 @@ use crate::eval::Reliability;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};
 use foveate_kernels as kernels;
-use foveate_learn::rbm::epoch_state::EpochState;
 use foveate_learn::rbm::product::{add_outer, rows_times};
-use foveate_learn::rbm::progress::{Checkpoint, save};
 use foveate_learn::softmax::{Softmax, normalize, temperature};
+use foveate_learn::training::{EpochState, Part, Training, named};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
-const CHECKPOINT: &str = "classifier-checkpoint";
 /// Update rate of the running mean of the parameters per batch.
 const SHARE: f32 = 0.01;
 /// Features with a smaller standard deviation than this fraction of the largest are not amplified.
@@ -74,10 +71,14 @@ pub struct Trainer {
     state: EpochState,
 }
 
-impl Trainer {
-    /// Starts with zero parameters. `first` holds the features of the pictures in epoch 0. Fails if the recipe is out of range, or there is
-    /// no row.
-    pub fn new(recipe: Recipe, first: Rows<'_>) -> Result<Self> {
+/// Begins with zero parameters. Data are the features and classes of an epoch's pictures.
+impl Training for Trainer {
+    type Recipe = Recipe;
+    type Data<'a> = (Rows<'a>, &'a [u8]);
+    const CHECKPOINT: &'static str = "classifier-checkpoint";
+    foveate_learn::training_fields!();
+
+    fn new(recipe: Recipe, (first, _): Self::Data<'_>) -> Result<Self> {
         recipe.check()?;
         if first.is_empty() || !first.data().iter().all(|x| x.is_finite()) {
             return Err(Error::Invalid("a classifier needs rows of finite features".into()));
@@ -97,21 +98,21 @@ impl Trainer {
             centre: sums.into_iter().map(|m| m as f32).collect(),
             gain,
             parts: [zeros(), zeros(), zeros(), zeros()],
+            state: EpochState::new(recipe.epochs),
             recipe,
-            state: EpochState::default(),
         })
     }
-    foveate_learn::training_accessors!();
-    /// Returns the number of batches per epoch for this many rows.
-    pub fn batches(&self, rows: usize) -> usize {
-        rows.div_ceil(self.recipe.batch)
+    fn batches(&self, (rows, _): Self::Data<'_>) -> usize {
+        rows.len().div_ceil(self.recipe.batch)
     }
-    /// Trains on one mini-batch of the features and classes of this epoch's pictures.
-    pub fn step(&mut self, rows: Rows<'_>, labels: &[u8]) {
+    fn parts(&mut self) -> Vec<Part<'_>> {
+        named("", NAMES, self.parts.each_mut().map(|part| &mut part[..])).into()
+    }
+    fn step(&mut self, (rows, labels): Self::Data<'_>) {
         assert!(rows.len() == labels.len() && rows.width() == self.centre.len(), "the rows the training began with");
         let (n_in, n) = (rows.width(), self.recipe.classes);
         let order = self.state.draws(self.recipe.seed).rng(0);
-        let before = self.state.epoch * self.batches(rows.len()) + self.state.batch;
+        let before = self.state.epoch * self.batches((rows, labels)) + self.state.batch;
         let (_, picked) = self.state.rows(rows.len(), self.recipe.batch, Some(order));
         let scaled =
             |&i: &u32| rows.row(i as usize).iter().zip(&self.centre).zip(&self.gain).map(|((x, m), g)| (x - m) * g);
@@ -147,8 +148,11 @@ impl Trainer {
         };
         let [first, second] = moments;
         kernels::adam(adam, now, &gradient, [first, second], mean);
-        self.state.done(self.batches(rows.len()));
+        self.state.done(self.batches((rows, labels)));
     }
+}
+
+impl Trainer {
     /// Returns the current classifier, for features that are not standardised.
     pub fn learned(&self) -> Result<Softmax> {
         let (n_in, n) = (self.centre.len(), self.recipe.classes);
@@ -162,25 +166,6 @@ impl Trainer {
             }
         }
         Softmax::new(weights, bias, 1.0)
-    }
-    /// Writes a checkpoint; after an error the previous file stays. `data` identifies pictures and first layer.
-    pub fn save(&self, path: &Path, data: &str) -> Result<()> {
-        let all = NAMES.iter().zip(&self.parts).map(|(name, part)| (*name, vec![part.len()], &part[..]));
-        save(path, CHECKPOINT, (&self.recipe, self.progress(), data), &all.collect::<Vec<_>>())
-    }
-    /// Resumes from a checkpoint with the same recipe (except the number of epochs), pictures and first layer; `first` as in
-    /// [`Trainer::new`].
-    ///
-    /// Fails, with the reason, if any of them differs, or the file is damaged.
-    pub fn resume(path: &Path, recipe: Recipe, first: Rows<'_>, data: &str) -> Result<Self> {
-        let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
-        let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("pictures", data))?;
-        let mut fresh = Self::new(recipe, first)?;
-        for (name, part) in NAMES.iter().zip(&mut fresh.parts) {
-            *part = checkpoint.take(name, part.len())?;
-        }
-        fresh.state = checkpoint.state(fresh.batches(first.len()))?;
-        Ok(fresh)
     }
 }
 
@@ -253,7 +238,7 @@ mod tests {
     #[test]
     fn it_learns_and_goes_on_bit_for_bit() {
         let (x, y) = rows(100, 1);
-        let data = Rows::new(&x, 10);
+        let data = (Rows::new(&x, 10), &y[..]);
         let recipe = Recipe { batch: 16, epochs: 20, rate: 0.02, ..Recipe::new(3) };
         let (dir, mut whole) =
             (tempfile::tempdir().expect("a folder"), Trainer::new(recipe.clone(), data).expect("rows"));
@@ -262,16 +247,16 @@ mod tests {
             if whole.progress() == (7, 3) {
                 whole.save(&path, "these").expect("a writable folder");
             }
-            whole.step(data, &y);
+            whole.step(data);
         }
-        assert_eq!(whole.batches(100), 7, "the last batch has four rows");
+        assert_eq!(whole.batches(data), 7, "the last batch has four rows");
         let mut rest = Trainer::resume(&path, recipe.clone(), data, "these").expect("just written");
         while rest.progress().0 < 20 {
-            rest.step(data, &y);
+            rest.step(data);
         }
         assert_eq!(rest.learned().expect("finite"), whole.learned().expect("finite"));
-        let other = Trainer::resume(&path, recipe, data, "those").expect_err("other pictures").to_string();
-        assert!(other.contains("other pictures"), "{other}");
+        let other = Trainer::resume(&path, recipe, data, "those").expect_err("other data").to_string();
+        assert!(other.contains("other data"), "{other}");
 
         // Classes 2 apart by one deviation: 200 new rows, seed 2; a correct classifier gets fewer than 190 right once in a million.
         let (x, y) = rows(200, 2);

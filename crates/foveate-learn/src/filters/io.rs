@@ -1,16 +1,13 @@
-//! Model files and checkpoints of filters.
+//! Model files of filters.
 
-use super::{PatchFilters, Recipe, Trainer};
+use super::PatchFilters;
 use crate::rbm::io::{Tensor, Tensors, open, pack, read};
-use crate::rbm::progress::{Checkpoint, save};
 use crate::rbm::{Metadata, Whitening};
-use foveate_base::rows::Rows;
 use foveate_base::{Result, files};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 const KIND: &str = "kmeans";
-const CHECKPOINT: &str = "filters-checkpoint";
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -62,29 +59,12 @@ impl PatchFilters {
     }
 }
 
-impl Trainer {
-    /// Writes a checkpoint; the file is whole or as it was before. `data_sha256` names the patches.
-    pub fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
-        let (_, n_x, k) = self.model.shape();
-        let filters = ("filters", vec![n_x, k], &self.model.filters[..]);
-        save(path, CHECKPOINT, (&self.recipe, self.progress(), data_sha256), &[filters])
-    }
-    /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same patches.
-    ///
-    /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
-    pub fn resume(path: &Path, recipe: Recipe, patches: Rows<'_>, data_sha256: &str) -> Result<Self> {
-        let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
-        let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
-        let mut fresh = Self::new(recipe, patches)?;
-        fresh.model.filters = checkpoint.take("filters", fresh.model.filters.len())?;
-        fresh.state = checkpoint.state(1)?;
-        Ok(fresh)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filters::{Recipe, Trainer};
+    use crate::training::Training;
+    use foveate_base::rows::Rows;
 
     #[test]
     fn models_come_back_and_checkpoints_go_on() {
@@ -94,11 +74,11 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let (path, checkpoint) = (dir.path().join("m.safetensors"), dir.path().join("c"));
         let mut whole = Trainer::new(recipe.clone(), rows).expect("patches");
-        whole.step();
+        whole.step(rows);
         whole.save(&checkpoint, "x").expect("a writable folder");
-        whole.step();
+        whole.step(rows);
         let mut rest = Trainer::resume(&checkpoint, recipe.clone(), rows, "x").expect("just written");
-        rest.step();
+        rest.step(rows);
         assert_eq!(rest.learned(), whole.learned());
         assert!(Trainer::resume(&checkpoint, recipe, rows, "y").expect_err("other data").to_string().contains("other"));
         let metadata = Metadata { command: "foveate".into(), ..Metadata::default() };

@@ -3,7 +3,7 @@
 use super::{MOST, PatchFilters, Sums, kmeans, normalised, place, whiten};
 use crate::Stop;
 use crate::rbm::Whitening;
-use crate::rbm::epoch_state::EpochState;
+use crate::training::{EpochState, Part, Training};
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result, memory};
@@ -53,19 +53,23 @@ impl Recipe {
 /// Filters being learned.
 #[derive(Debug)]
 pub struct Trainer {
-    pub(super) recipe: Recipe,
-    pub(super) model: PatchFilters,
+    recipe: Recipe,
+    model: PatchFilters,
     /// x of every patch.
     white: Vec<f32>,
-    pub(super) state: EpochState,
+    state: EpochState,
     cost: f64,
 }
 
-impl Trainer {
-    /// Normalises and whitens the patches, and begins with some of them as filters.
-    ///
-    /// Fails if the recipe is out of range, a value is not finite, the patches do not vary, or there are fewer than filters.
-    pub fn new(recipe: Recipe, patches: Rows<'_>) -> Result<Self> {
+/// Normalises and whitens the patches, and begins with some of them as filters. A batch is an epoch: one pass over all patches.
+/// Patches that do not vary, are not finite, or are fewer than the filters, are refused.
+impl Training for Trainer {
+    type Recipe = Recipe;
+    type Data<'a> = Rows<'a>;
+    const CHECKPOINT: &'static str = "filters-checkpoint";
+    crate::training_fields!();
+
+    fn new(recipe: Recipe, patches: Rows<'_>) -> Result<Self> {
         recipe.check()?;
         if patches.len() < recipe.filters || patches.width() > MOST.0 {
             return Err(Error::Invalid(format!(
@@ -91,9 +95,20 @@ impl Trainer {
         let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(0);
         (0..k).for_each(|j| place(&mut filters, j, &some(&white, n_x, &mut rng)));
         let model = PatchFilters::new(whitening, filters, recipe.softening)?;
-        Ok(Self { recipe, model, white, state: EpochState::default(), cost: f64::INFINITY })
+        Ok(Self { state: EpochState::new(recipe.epochs), recipe, model, white, cost: f64::INFINITY })
     }
-    crate::training_accessors!();
+    fn batches(&self, _: Rows<'_>) -> usize {
+        1
+    }
+    fn parts(&mut self) -> Vec<Part<'_>> {
+        vec![("filters".into(), &mut self.model.filters)]
+    }
+    fn step(&mut self, _: Rows<'_>) {
+        self.step_until(&|| false).expect("nothing stops it");
+    }
+}
+
+impl Trainer {
     /// The model as it stands.
     pub fn learned(&self) -> &PatchFilters {
         &self.model
@@ -106,10 +121,6 @@ impl Trainer {
     /// The numbers x of every patch, n_x a row.
     pub fn white(&self) -> Rows<'_> {
         Rows::new(&self.white, self.model.shape().1)
-    }
-    /// One pass over all patches.
-    pub fn step(&mut self) {
-        self.step_until(&|| false).expect("nothing stops it");
     }
     /// One pass over all patches, unless `stop` returns true before it is done: it is called for every 256 patches or fewer, and for
     /// every filter that turns.
@@ -192,7 +203,7 @@ mod tests {
                 let mut trainer = trainer(&data, 30, 1.0);
                 let costs: Vec<f64> = (0..25)
                     .map(|_| {
-                        trainer.step();
+                        trainer.step(Rows::new(&data, 9));
                         trainer.cost()
                     })
                     .collect();
@@ -225,7 +236,7 @@ mod tests {
             assert!(matches!(stopped, Err(Error::Stopped)), "after {n} of {all}");
             assert!((cut.learned().clone(), cut.progress()) == before && cut.cost().is_infinite());
         }
-        cut.step();
+        cut.step(Rows::new(&data, 9));
         assert_eq!((cut.learned(), cut.cost()), (whole.learned(), whole.cost()));
     }
 
@@ -251,7 +262,7 @@ mod tests {
         let data = patches(4000, 0.02);
         // Filters begin as patches: a pattern has none of 40 once in 25,000 seeds.
         let mut trainer = trainer(&data, 40, 0.99);
-        (0..30).for_each(|_| trainer.step());
+        (0..30).for_each(|_| trainer.step(Rows::new(&data, 9)));
         let (_, n_x, k) = trainer.learned().shape();
         let filters = trainer.learned().filters();
         let clean = patches(200, 0.0);
@@ -268,7 +279,7 @@ mod tests {
         let data = patches(700, 0.5);
         let recipe = Recipe { softening: None, keep: 1.0, ..Recipe::new(12) };
         let mut trainer = Trainer::new(recipe, Rows::new(&data, 9)).expect("patches that vary");
-        (0..3).for_each(|_| trainer.step());
+        (0..3).for_each(|_| trainer.step(Rows::new(&data, 9)));
         let model = trainer.learned();
         let (_, n_x, k) = model.shape();
         assert_eq!(n_x, 9, "no direction is lost");

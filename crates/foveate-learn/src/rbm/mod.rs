@@ -2,8 +2,6 @@
 //!
 //! Building blocks without images, gazes or targets; data are rows of numbers.
 
-mod checkpoint;
-pub mod epoch_state;
 pub mod fixations;
 pub mod io;
 pub mod likelihood;
@@ -12,7 +10,6 @@ pub mod online;
 #[cfg(test)]
 mod oracle_tests;
 pub mod product;
-pub mod progress;
 #[allow(clippy::module_inception)]
 mod rbm;
 mod recipe;

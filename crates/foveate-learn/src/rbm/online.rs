@@ -12,6 +12,7 @@
 use super::product::rows_times;
 use super::units::softplus;
 use super::{Negative, Rbm, Recipe, Trainer};
+use crate::training::Training;
 use foveate_base::rng::{Purpose, Rng, Streams};
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};

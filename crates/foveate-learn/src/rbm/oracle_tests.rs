@@ -3,6 +3,7 @@
 use super::likelihood::{ais, exact_log_z, mean_log_likelihood};
 use super::monitor::{mean_free_energy, pseudo_log_likelihood};
 use super::*;
+use crate::training::Training;
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use rand::RngExt;

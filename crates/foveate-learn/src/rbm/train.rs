@@ -5,12 +5,12 @@
 //! Tieleman 2008; what the authors used). Both phases are one matrix product, h of the second counted negatively.
 //!
 //! Every row of every batch has its own random stream, and products do not depend on how rows are grouped: the same
-//! seed gives the same bits for any number of threads, and after any interruption (see `checkpoint`).
+//! seed gives the same bits for any number of threads, and after any interruption (see [`Training`]).
 
-use super::epoch_state::EpochState;
 use super::product::{add_outer, block_of};
 use super::units::{add_rows, sample_binary, sample_visible};
 use super::{Negative, Rbm, Recipe, Visible};
+use crate::training::{EpochState, Part, Training, named};
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
@@ -25,30 +25,33 @@ const ACTIVITY_DECAY: f32 = 0.9;
 
 /// As many numbers as a machine has: its velocity, or its mean over time.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Parameters {
-    pub(super) weights: Vec<f32>,
-    pub(super) visible_bias: Vec<f32>,
-    pub(super) hidden_bias: Vec<f32>,
+struct Parameters {
+    weights: Vec<f32>,
+    visible_bias: Vec<f32>,
+    hidden_bias: Vec<f32>,
 }
 
 impl Parameters {
-    pub(super) fn zeros(n_v: usize, n_h: usize) -> Self {
+    fn zeros(n_v: usize, n_h: usize) -> Self {
         Self { weights: vec![0.0; n_v * n_h], visible_bias: vec![0.0; n_v], hidden_bias: vec![0.0; n_h] }
+    }
+    fn all_mut(&mut self) -> [&mut [f32]; 3] {
+        [&mut self.weights, &mut self.visible_bias, &mut self.hidden_bias]
     }
 }
 
 /// A machine being trained: everything that the rest of the training depends on, the data apart.
 #[derive(Debug)]
 pub struct Trainer {
-    pub(super) recipe: Recipe,
-    pub(super) rbm: Rbm,
-    pub(super) velocity: Parameters,
-    pub(super) mean: Option<Parameters>,
+    recipe: Recipe,
+    rbm: Rbm,
+    velocity: Parameters,
+    mean: Option<Parameters>,
     /// Hidden states of the persistent chains, chains × n_h.
-    pub(super) chains: Vec<f32>,
+    chains: Vec<f32>,
     /// Running mean of p(h = 1 | v) over the data, for the sparsity target.
-    pub(super) activity: Vec<f32>,
-    pub(super) state: EpochState,
+    activity: Vec<f32>,
+    state: EpochState,
     work: Work,
 }
 
@@ -62,10 +65,15 @@ struct Work {
     gradient_c: Vec<f32>,
 }
 
-impl Trainer {
-    /// Begins: small random weights, visible biases that fit the mean of the data, hidden biases 0 (or the logit of the
-    /// sparsity target). Fails if the recipe is out of range, or the data are (not finite; not in [0, 1] for binary units).
-    pub fn new(recipe: Recipe, data: Rows<'_>) -> Result<Self> {
+/// Begins with small random weights, visible biases that fit the mean of the data, and hidden biases 0 (or the logit of the
+/// sparsity target). Data that are not finite, or not in 0 to 1 for binary units, are refused.
+impl Training for Trainer {
+    type Recipe = Recipe;
+    type Data<'a> = Rows<'a>;
+    const CHECKPOINT: &'static str = "rbm-checkpoint";
+    crate::training_fields!();
+
+    fn new(recipe: Recipe, data: Rows<'_>) -> Result<Self> {
         recipe.check()?;
         let (n_v, n_h) = (data.width(), recipe.hidden);
         let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(0);
@@ -82,77 +90,19 @@ impl Trainer {
         check_data(recipe.visible, data)?;
         Self::from_rbm(recipe.clone(), Rbm::new(recipe.visible, weights, visible_bias, hidden_bias)?, data)
     }
-    /// Begins with a given machine; persistent chains begin at rows of the data.
-    pub fn from_rbm(recipe: Recipe, rbm: Rbm, data: Rows<'_>) -> Result<Self> {
-        recipe.check()?;
-        check_data(recipe.visible, data)?;
-        let (n_v, n_h) = rbm.shape();
-        if (n_v, n_h, rbm.visible()) != (data.width(), recipe.hidden, recipe.visible) {
-            return Err(Error::Invalid(format!(
-                "a {n_v}-{n_h} RBM does not fit data {} wide and a recipe of {} hidden units",
-                data.width(),
-                recipe.hidden
-            )));
-        }
-        let mut chains = Vec::new();
-        if let Negative::Persistent { chains: n, .. } = recipe.negative {
-            let mut h = vec![0.0; n_h];
-            chains = vec![0.0; n * n_h];
-            for (i, chain) in chains.chunks_exact_mut(n_h).enumerate() {
-                let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(1 + i as u64);
-                let row = data.row(rng.random_range(0..data.len()));
-                rbm.h_from_v(Rows::new(row, n_v), RowsMut::new(&mut h, n_h));
-                sample_binary(&h, &mut rng, chain);
-            }
-        }
-        Ok(Self {
-            velocity: Parameters::zeros(n_v, n_h),
-            mean: recipe.average_from.map(|_| Parameters::zeros(n_v, n_h)),
-            activity: vec![recipe.sparsity.map_or(0.0, |s| s.target); n_h],
-            recipe,
-            rbm,
-            chains,
-            state: EpochState::default(),
-            work: Work::default(),
-        })
+    /// The last batch may be smaller.
+    fn batches(&self, data: Rows<'_>) -> usize {
+        data.len().div_ceil(self.recipe.batch)
     }
-    crate::training_accessors!();
-    /// Batches an epoch has for this many rows; the last one may be smaller.
-    pub fn batches(&self, rows: usize) -> usize {
-        rows.div_ceil(self.recipe.batch)
+    fn parts(&mut self) -> Vec<Part<'_>> {
+        const NAMES: [&str; 3] = ["weights", "visible_bias", "hidden_bias"];
+        let mut all = vec![("chains".into(), &mut self.chains[..]), ("activity".into(), &mut self.activity)];
+        all.extend(named("", NAMES, self.rbm.parameters_mut()));
+        all.extend(named("velocity.", NAMES, self.velocity.all_mut()));
+        all.extend(self.mean.iter_mut().flat_map(|mean| named("mean.", NAMES, mean.all_mut())));
+        all
     }
-    /// The current machine: the mean of the parameters if averaging has begun, otherwise the last ones.
-    pub fn learned(&self) -> Rbm {
-        match &self.mean {
-            Some(mean) if self.mean_has_begun() => {
-                let Parameters { weights, visible_bias, hidden_bias } = mean.clone();
-                let mut rbm = self.rbm.clone();
-                (rbm.weights, rbm.visible_bias, rbm.hidden_bias) = (weights, visible_bias, hidden_bias);
-                rbm
-            }
-            _ => self.rbm.clone(),
-        }
-    }
-    /// Fails if a parameter is no longer finite: the training has diverged.
-    pub fn check(&self) -> Result<()> {
-        let finite = |x: &[f32]| x.iter().all(|x| x.is_finite());
-        if finite(&self.rbm.weights) && finite(&self.rbm.visible_bias) && finite(&self.rbm.hidden_bias) {
-            return Ok(());
-        }
-        Err(self.state.diverged(self.recipe.rate))
-    }
-    fn mean_has_begun(&self) -> bool {
-        self.recipe.average_from.is_some_and(|from| self.progress() > (from, 0))
-    }
-    /// The rest of the present epoch.
-    pub fn epoch(&mut self, data: Rows<'_>) {
-        let epoch = self.state.epoch;
-        while self.state.epoch == epoch {
-            self.step(data);
-        }
-    }
-    /// One mini-batch. `data` must be the rows the training began with.
-    pub fn step(&mut self, data: Rows<'_>) {
+    fn step(&mut self, data: Rows<'_>) {
         let (n_v, n_h) = self.rbm.shape();
         assert!(data.width() == n_v && !data.is_empty(), "training goes on with the data it began with");
         let (recipe, draws) = (self.recipe.clone(), self.state.draws(self.recipe.seed));
@@ -215,9 +165,61 @@ impl Trainer {
                 h.iter_mut().for_each(|h| *h *= weight);
             });
 
-        let batches = self.batches(data.len());
+        let batches = self.batches(data);
         self.update(rows, chains, batches);
         self.state.done(batches);
+    }
+}
+
+impl Trainer {
+    /// Begins with a given machine; persistent chains begin at rows of the data.
+    pub fn from_rbm(recipe: Recipe, rbm: Rbm, data: Rows<'_>) -> Result<Self> {
+        recipe.check()?;
+        check_data(recipe.visible, data)?;
+        let (n_v, n_h) = rbm.shape();
+        if (n_v, n_h, rbm.visible()) != (data.width(), recipe.hidden, recipe.visible) {
+            return Err(Error::Invalid(format!(
+                "a {n_v}-{n_h} RBM does not fit data {} wide and a recipe of {} hidden units",
+                data.width(),
+                recipe.hidden
+            )));
+        }
+        let mut chains = Vec::new();
+        if let Negative::Persistent { chains: n, .. } = recipe.negative {
+            let mut h = vec![0.0; n_h];
+            chains = vec![0.0; n * n_h];
+            for (i, chain) in chains.chunks_exact_mut(n_h).enumerate() {
+                let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(1 + i as u64);
+                let row = data.row(rng.random_range(0..data.len()));
+                rbm.h_from_v(Rows::new(row, n_v), RowsMut::new(&mut h, n_h));
+                sample_binary(&h, &mut rng, chain);
+            }
+        }
+        Ok(Self {
+            velocity: Parameters::zeros(n_v, n_h),
+            mean: recipe.average_from.map(|_| Parameters::zeros(n_v, n_h)),
+            activity: vec![recipe.sparsity.map_or(0.0, |s| s.target); n_h],
+            state: EpochState::new(recipe.epochs),
+            recipe,
+            rbm,
+            chains,
+            work: Work::default(),
+        })
+    }
+    /// The current machine: the mean of the parameters if averaging has begun, otherwise the last ones.
+    pub fn learned(&self) -> Rbm {
+        match &self.mean {
+            Some(mean) if self.mean_has_begun() => {
+                let Parameters { weights, visible_bias, hidden_bias } = mean.clone();
+                let mut rbm = self.rbm.clone();
+                (rbm.weights, rbm.visible_bias, rbm.hidden_bias) = (weights, visible_bias, hidden_bias);
+                rbm
+            }
+            _ => self.rbm.clone(),
+        }
+    }
+    fn mean_has_begun(&self) -> bool {
+        self.recipe.average_from.is_some_and(|from| self.progress() > (from, 0))
     }
     /// Moves the parameters by the statistics in `work`.
     fn update(&mut self, rows: usize, chains: usize, batches: usize) {

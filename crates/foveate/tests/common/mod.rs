@@ -102,6 +102,7 @@ pub(crate) fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
 /// retina; in a folder that goes when it is dropped.
 pub(crate) fn random_recogniser() -> (tempfile::TempDir, String) {
     use foveate::learn::rbm::fixations::{About, Code, Cost, Places, Recipe, Sequences, Trainer};
+    use foveate::learn::training::Training;
     use foveate::rows::Rows;
     let retina = Foveal::new(FovealConfig { side: 28.0, rings: vec![[8, 2], [16, 4]], colour: vec![] });
     let n_v = retina.expect("whole cells").glimpse_len();
@@ -110,8 +111,9 @@ pub(crate) fn random_recogniser() -> (tempfile::TempDir, String) {
     let z: Vec<Code> = (0..60).map(|i| Code::one_hot(i % 9)).collect();
     let y: Vec<u8> = (0..30).map(|i| i % 3).collect();
     let data = Sequences::new(Rows::new(&x, n_v), &z, &y, 2).expect("they fit");
-    let recipe = Recipe { hidden: 12, factors: 10, epochs: 3, rate: 0.1, batch: 5, ..Recipe::new(Cost::Hybrid, 2, 3) };
-    let mut trainer = Trainer::new(recipe, Places::grid(3, 0.5).expect("nine places"), data).expect("they fit");
+    let usual = Recipe::new(Cost::Hybrid, 2, 3, Places::grid(3, 0.5).expect("nine places"));
+    let recipe = Recipe { hidden: 12, factors: 10, epochs: 3, rate: 0.1, batch: 5, ..usual };
+    let mut trainer = Trainer::new(recipe, data).expect("they fit");
     while !trainer.is_done() {
         trainer.epoch(data);
     }

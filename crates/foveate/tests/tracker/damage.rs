@@ -6,37 +6,18 @@ use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::geometry::BBox;
 use foveate::learn::rbm::Metadata;
-use foveate::rng::{Rng, Streams};
+use foveate::rng::Streams;
 use foveate::scene::Image;
+use foveate_testing::damaged;
 use rand::RngExt;
 
-/// Changes, removes and repeats a few pieces of a text.
-fn damage(bytes: &mut Vec<u8>, rng: &mut Rng, words: &[&str]) {
-    for _ in 0..rng.random_range(1..4) {
-        let at = rng.random_range(0..bytes.len());
-        let end = (at + rng.random_range(1..20)).min(bytes.len());
-        match rng.random_range(0..6) {
-            0 => bytes[at] = rng.random(),
-            1 => drop(bytes.drain(at..end)),
-            2 => bytes.extend_from_within(at..end),
-            3 => bytes.truncate(at + 1),
-            4 => bytes[at] = b"0123456789.-e[]{}\",="[rng.random_range(0..20)],
-            _ => drop(bytes.splice(at..end.min(at + 3), words[rng.random_range(0..words.len())].bytes())),
-        }
-    }
-}
-
-/// 4,000 damaged texts, seed 1.
+/// 4,000 damaged texts.
 #[test]
 fn damaged_configurations_never_panic() {
-    let (mut rng, mut good) = (Streams::new(1, 0).rng(0), 0);
-    for _ in 0..4000 {
-        let mut bytes = GOOD.as_bytes().to_vec();
-        damage(
-            &mut bytes,
-            &mut rng,
-            &["nan", "inf", "1e300", "-1", "[[", "= {", "\n[policy.policy]\n", "kind = \"rbm\""],
-        );
+    let words = ["nan", "inf", "1e300", "-1", "[[", "= {", "\n[policy.policy]\n", "kind = \"rbm\""];
+    let mut good = 0;
+    for seed in 0..4000 {
+        let bytes = damaged(GOOD.as_bytes(), &words, seed);
         good += usize::from(check(&String::from_utf8_lossy(&bytes)).is_ok());
     }
     assert!(good > 0, "some changes do no harm");
@@ -47,10 +28,10 @@ fn damaged_configurations_never_panic() {
     }
 }
 
-/// 4,000 damaged texts of saved trackers, seed 2. What is taken up can go on, whatever its numbers.
+/// 6,000 damaged texts of saved trackers. What is taken up can go on, whatever its numbers.
 #[test]
 fn damaged_saved_trackers_never_panic() {
-    let mut rng = Streams::new(2, 0).rng(0);
+    let words = ["null", "1e308", "-1e308", "1e400", "1e-320", "99999", "[]", "-0.0", ":0,"];
     let picture = |name: u64| {
         let mut rng = Streams::new(name, 0).rng(1);
         let data = (0..24 * 20).map(|_| rng.random()).collect();
@@ -63,10 +44,8 @@ fn damaged_saved_trackers_never_panic() {
         tracker.init(&frames[0], BBox { x: 6.0, y: 5.0, w: 8.0, h: 7.0 }).expect("a box in the picture");
         tracker.update(&frames[1]).expect("a picture of the first size");
         let saved = tracker.save().to_string().into_bytes();
-        for _ in 0..2000 {
-            let mut bytes = saved.clone();
-            damage(&mut bytes, &mut rng, &["null", "1e308", "-1e308", "1e400", "1e-320", "99999", "[]", "-0.0", ":0,"]);
-            let Ok(value) = serde_json::from_slice(&bytes) else { continue };
+        for seed in 0..2000 {
+            let Ok(value) = serde_json::from_slice(&damaged(&saved, &words, seed)) else { continue };
             let mut fresh = blueprint.tracker(1).expect("parts that fit");
             if fresh.load(&value).is_ok() && fresh.has_target() {
                 let went_on = frames.iter().all(|picture| match fresh.update(picture) {
@@ -121,11 +100,10 @@ fn damaged_saved_trackers_never_panic() {
     }
 }
 
-/// 300 damaged model files, seed 3, by way of a configuration.
+/// 300 damaged model files, by way of a configuration.
 #[test]
 fn damaged_models_are_refused_by_name() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let mut rng = Streams::new(3, 0).rng(0);
     let config = GOOD.replace("kind = \"raw\"\nstandardise = true", "kind = \"rbm\"\nweights = \"m.safetensors\"");
     let config =
         config.replace("[retina]\nkind = \"foveal\"\nside = 28.0\nrings = [[8, 2], [16, 4]]\ncolour = [[16, 4]]\n", "");
@@ -136,9 +114,8 @@ fn damaged_models_are_refused_by_name() {
     let good = random_rbm(28, 5).to_bytes(&metadata(retina));
     put(&good);
     config.clone().check(&Folder::new(dir.path())).map(|_| ()).expect("a good model");
-    for _ in 0..300 {
-        let mut bytes = good.clone();
-        damage(&mut bytes, &mut rng, &["null", "99"]);
+    for seed in 0..300 {
+        let bytes = damaged(&good, &["null", "99"], seed);
         put(&bytes);
         if let Err(error) = config.clone().check(&Folder::new(dir.path())) {
             assert!(error.to_string().contains("m.safetensors"), "{error}");

@@ -12,7 +12,7 @@ use foveate::lab::training::pictures::{FeatureExtractor, Pictures, Variation};
 use foveate::learn::rbm::Metadata;
 use foveate::rows::Rows;
 
-use super::common::{self, Files};
+use super::common::Files;
 use crate::cmd::configure::{self, Changes};
 
 /// Number of variants of each held-out picture, to estimate the accuracy along a track.
@@ -111,44 +111,24 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
     let variation = if args.still { Variation::default() } else { Variation::of_tracks() };
     let extractor = FeatureExtractor { retina, encoder, variation, seed: args.seed };
-    let shown =
-        |extractor: &FeatureExtractor, epoch: usize| extractor.look(&learn, if args.still { 0 } else { epoch as u64 });
     let data = format!("{} {first_layer} {geometry} {}", all.sha256(), args.still);
-    let first = shown(&extractor, 0);
-    let rows = Rows::new(&first, n_h);
-    let trainer = files.begin(
-        Trainer::progress,
-        |path| Trainer::resume(path, recipe.clone(), rows, &data),
-        || Trainer::new(recipe.clone(), rows),
-    )?;
     let as_they_are = look(&extractor, Variation::default(), &held, 1);
-    // The trainer, and the pictures with this epoch's variations.
-    let batches = trainer.batches(learn.len());
-    let mut learning = (trainer, 0, first);
-    common::train(
-        (recipe.epochs, batches),
-        &mut learning,
-        |(trainer, ..)| trainer.progress(),
-        |(trainer, epoch, made)| {
-            if trainer.progress().0 != *epoch {
-                *epoch = trainer.progress().0;
-                *made = shown(&extractor, *epoch);
-            }
-            trainer.step(Rows::new(made, n_h), learn.labels());
-            Ok(())
-        },
-        |(trainer, ..)| trainer.save(&files.checkpoint, &data),
-        |(trainer, _, made)| {
+    let trainer = files.train::<Trainer, _>(
+        &recipe,
+        &data,
+        |epoch| Ok((extractor.look(&learn, if args.still { 0 } else { epoch as u64 }), learn.labels())),
+        |(made, labels)| (Rows::new(made, n_h), *labels),
+        |trainer, (made, labels)| {
             let softmax = trainer.learned()?;
             let right = |rows: &[f32], labels: &[u8]| {
                 100.0 * judge(&softmax, Rows::new(rows, n_h), labels).reliability.accuracy
             };
-            let (ours, theirs) = (right(made, learn.labels()), right(&as_they_are, held.labels()));
+            let (ours, theirs) = (right(made, labels), right(&as_they_are, held.labels()));
             Ok(format!("right {ours:.1} % (held out {theirs:.1} %)"))
         },
     )?;
 
-    let softmax = learning.0.learned()?;
+    let softmax = trainer.learned()?;
     let varied = look(&extractor, Variation::of_tracks(), &held, SHOWN);
     let again = held.labels().repeat(SHOWN as usize);
     print("held-out pictures as they are", all.names(), &judge(&softmax, Rows::new(&as_they_are, n_h), held.labels()));

@@ -7,6 +7,7 @@ use foveate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate::lab::training;
 use foveate::lab::training::{Set, Source};
 use foveate::learn::rbm::{Metadata, Visible};
+use foveate::learn::training::Training;
 use foveate::rows::Rows;
 use foveate::scene::Image;
 use foveate::video::save_png;
@@ -175,7 +176,7 @@ pub struct Files<'a> {
     /// The model file.
     pub model: &'a Path,
     /// The checkpoint, which exists until the model is complete.
-    pub checkpoint: PathBuf,
+    checkpoint: PathBuf,
     picture: PathBuf,
     restart: bool,
 }
@@ -191,20 +192,56 @@ impl<'a> Files<'a> {
         Ok(Self { model, checkpoint: checkpoint.into(), picture, restart })
     }
 
-    /// Resumes the training from its checkpoint, if there is one and `restart` is false; otherwise starts a new one. Prints the trainer's
-    /// `progress` on resuming.
-    pub fn begin<T>(
+    /// Trains from the checkpoint, or from the beginning if there is none or `restart` is true, to the end. `name` identifies the data of all
+    /// epochs, `shown` makes those of an epoch (counted from 0), `view` gives them to the trainer, and `line` describes the fit after an
+    /// epoch. Ctrl-C writes a checkpoint and ends the program.
+    pub fn train<T: Training, D>(
         &self,
-        progress: fn(&T) -> (usize, usize),
-        resume: impl FnOnce(&Path) -> Result<T>,
-        new: impl FnOnce() -> Result<T>,
+        recipe: &T::Recipe,
+        name: &str,
+        shown: impl Fn(usize) -> Result<D>,
+        view: impl for<'d> Fn(&'d D) -> T::Data<'d>,
+        mut line: impl FnMut(&mut T, &D) -> Result<String>,
     ) -> Result<T> {
-        if self.restart || !self.checkpoint.exists() {
-            return new();
+        let (mut seen, mut data) = (0, shown(0)?);
+        let mut trainer = if self.restart || !self.checkpoint.exists() {
+            T::new(recipe.clone(), view(&data))?
+        } else {
+            let trainer = T::resume(&self.checkpoint, recipe.clone(), view(&data), name)
+                .map_err(|e| Error::Invalid(format!("{e}; --restart begins anew")))?;
+            let (epoch, batch) = trainer.progress();
+            say!("resuming {}: epoch {}, batch {batch}", self.checkpoint.display(), epoch + 1);
+            trainer
+        };
+        terminal::catch_interrupts();
+        let (epochs, batches) = (trainer.state().epochs(), trainer.batches(view(&data)));
+        let bar = terminal::progress(Some(epochs * batches), "training");
+        let (mut begun, mut saved) = (Instant::now(), Instant::now());
+        while !trainer.is_done() {
+            let (epoch, _) = trainer.progress();
+            if epoch != seen {
+                (seen, data) = (epoch, shown(epoch)?);
+            }
+            trainer.step(view(&data));
+            let (epoch, batch) = trainer.progress();
+            bar.set_position((epoch * batches + batch) as u64);
+            let stop = terminal::stopping();
+            if batch == 0 || stop || saved.elapsed() > BETWEEN_CHECKPOINTS {
+                trainer.save(&self.checkpoint, name)?;
+                saved = Instant::now();
+            }
+            if batch == 0 {
+                let (line, seconds) = (line(&mut trainer, &data)?, begun.elapsed().as_secs_f64());
+                bar.suspend(|| say!("epoch {epoch}/{epochs}  {line}  {seconds:.1} s"));
+                begun = Instant::now();
+            }
+            if stop {
+                bar.finish_and_clear();
+                say!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
+                std::process::exit(terminal::stop_status());
+            }
         }
-        let trainer = resume(&self.checkpoint).map_err(|e| Error::Invalid(format!("{e}; --restart begins anew")))?;
-        let (epoch, batch) = progress(&trainer);
-        say!("resuming {}: epoch {}, batch {batch}", self.checkpoint.display(), epoch + 1);
+        bar.finish_and_clear();
         Ok(trainer)
     }
 
@@ -218,42 +255,4 @@ impl<'a> Files<'a> {
         say!("wrote {}{and}", self.model.display());
         Ok(())
     }
-}
-
-/// Trains to the end, or until Ctrl-C: then writes a checkpoint and ends the program. `whole` is the number of epochs and of batches per
-/// epoch, `progress` the number of completed epochs and of completed batches in the next one. `step` processes one mini-batch, `save`
-/// writes a checkpoint, and `line` describes the fit after an epoch.
-pub fn train<T>(
-    (epochs, batches): (usize, usize),
-    trainer: &mut T,
-    progress: fn(&T) -> (usize, usize),
-    mut step: impl FnMut(&mut T) -> Result<()>,
-    save: impl Fn(&T) -> Result<()>,
-    mut line: impl FnMut(&mut T) -> Result<String>,
-) -> Result<()> {
-    terminal::catch_interrupts();
-    let bar = terminal::progress(Some(epochs * batches), "training");
-    let (mut begun, mut saved) = (Instant::now(), Instant::now());
-    while progress(trainer).0 < epochs {
-        step(trainer)?;
-        let (epoch, batch) = progress(trainer);
-        bar.set_position((epoch * batches + batch) as u64);
-        let stop = terminal::stopping();
-        if batch == 0 || stop || saved.elapsed() > BETWEEN_CHECKPOINTS {
-            save(trainer)?;
-            saved = Instant::now();
-        }
-        if batch == 0 {
-            let (line, seconds) = (line(trainer)?, begun.elapsed().as_secs_f64());
-            bar.suspend(|| say!("epoch {epoch}/{epochs}  {line}  {seconds:.1} s"));
-            begun = Instant::now();
-        }
-        if stop {
-            bar.finish_and_clear();
-            say!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
-            std::process::exit(terminal::stop_status());
-        }
-    }
-    bar.finish_and_clear();
-    Ok(())
 }

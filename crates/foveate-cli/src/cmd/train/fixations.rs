@@ -18,7 +18,7 @@ use foveate::learn::softmax::{Fit, Softmax, temperature};
 use foveate::rows::Rows;
 use foveate::{Error, Result};
 
-use super::common::{self, Files};
+use super::common::Files;
 use crate::cmd::configure::{self, Changes};
 
 /// Number of held-out training digits: the last of the set.
@@ -123,14 +123,13 @@ struct View {
 }
 
 impl Args {
-    fn recipe(&self) -> Recipe {
+    fn recipe(&self, places: Places) -> Recipe {
         let cost = match self.cost {
             CostName::Generative => Cost::Generative,
             CostName::Hybrid => Cost::Hybrid,
             CostName::HybridSequential => Cost::HybridSequential,
         };
         let classes = if cost == Cost::Generative { 0 } else { 10 };
-        let window = if self.larochelle_hinton { 4 } else { self.window };
         Recipe {
             hidden: self.hidden,
             factors: self.factors,
@@ -145,10 +144,13 @@ impl Args {
             l2: self.l2,
             average: self.average,
             seed: self.seed,
-            ..Recipe::new(cost, window, classes)
+            ..Recipe::new(cost, self.window(), classes, places)
         }
     }
-    fn view(&self, window: usize) -> Result<View> {
+    fn window(&self) -> usize {
+        if self.larochelle_hinton { 4 } else { self.window }
+    }
+    fn view(&self) -> Result<View> {
         let (retina, encoder, places, gazes, nuisance, first_layer);
         if self.larochelle_hinton {
             let (config, fixed) = larochelle_hinton()?;
@@ -168,7 +170,8 @@ impl Args {
             first_layer = serde_json::to_string(&config.encoder).expect("a configuration becomes JSON");
         }
         let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");
-        let sampler = FixationSampler { retina, encoder, places, gazes, window, nuisance, seed: self.seed };
+        let sampler =
+            FixationSampler { retina, encoder, places, gazes, window: self.window(), nuisance, seed: self.seed };
         Ok(View { sampler, retina: geometry, first_layer })
     }
     /// Returns the command that makes the same model, with every setting explicit and folders left open.
@@ -206,9 +209,9 @@ impl Args {
 /// Runs the command.
 pub(super) fn run(args: &Args) -> Result<()> {
     let files = Files::of(&args.out, None, args.restart)?;
-    let recipe = args.recipe();
+    let view = args.view()?;
+    let recipe = args.recipe(view.sampler.places.clone());
     recipe.check()?;
-    let view = args.view(recipe.window)?;
     let all = Digits::load(&args.data, Split::Train)?;
     let most = all.len().saturating_sub(HELD_OUT.min(all.len() / 10));
     if args.digits < 10 || most < 10 {
@@ -230,54 +233,24 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let name = format!("{} digits, {}", learn.len(), args.command(&recipe));
     let still = matches!(view.sampler.gazes, Gazes::All(_)) && view.sampler.nuisance == Nuisance::default();
     let shown = |epoch: usize| view.sampler.look(&learn, if still { 0 } else { epoch as u64 });
-    let places = || view.sampler.places.clone();
-    // The trainer, and the digits with this epoch's variations.
-    type Learning = (Trainer, usize, FixationData);
-    let progress = |(trainer, ..): &Learning| trainer.progress();
-    let mut learning = files.begin(
-        progress,
-        |path| {
-            let epoch = Trainer::epoch_of(path)?;
-            let made = shown(epoch)?;
-            Ok((Trainer::resume(path, recipe.clone(), places(), made.sequences(), &name)?, epoch, made))
-        },
-        || {
-            let made = shown(0)?;
-            Ok((Trainer::new(recipe.clone(), places(), made.sequences())?, 0, made))
-        },
-    )?;
-    common::train(
-        (recipe.epochs, learning.0.batches(learning.2.sequences().len())),
-        &mut learning,
-        progress,
-        |(trainer, epoch, made)| {
-            if trainer.progress().0 != *epoch {
-                *epoch = trainer.progress().0;
-                *made = shown(*epoch)?;
-            }
-            trainer.step(made.sequences());
-            Ok(())
-        },
-        |(trainer, ..)| trainer.save(&files.checkpoint, &name),
-        |(trainer, ..)| {
-            let (log_p, wrong) = trainer.take_tally();
-            let rbm = trainer.learned()?;
-            if rbm.classes() == 0 {
-                return Ok(String::new());
-            }
-            let s = held.sequences();
-            let log_p_held = rbm.log_posterior(s.glimpses(), s.codes(), s.window());
-            let held = Reliability::of(&log_p_held, s.labels(), rbm.classes(), 10);
-            let errors = (100.0 * wrong, 100.0 * (1.0 - held.accuracy));
-            Ok(format!(
-                "log p(y|x) {log_p:.4} (held out {:.4})  errors {:.2} % ({:.2} %)",
-                -held.log_loss, errors.0, errors.1
-            ))
-        },
-    )?;
+    let trainer = files.train::<Trainer, _>(&recipe, &name, shown, FixationData::sequences, |trainer, _| {
+        let (log_p, wrong) = trainer.take_tally();
+        let rbm = trainer.learned()?;
+        if rbm.classes() == 0 {
+            return Ok(String::new());
+        }
+        let s = held.sequences();
+        let log_p_held = rbm.log_posterior(s.glimpses(), s.codes(), s.window());
+        let held = Reliability::of(&log_p_held, s.labels(), rbm.classes(), 10);
+        let errors = (100.0 * wrong, 100.0 * (1.0 - held.accuracy));
+        Ok(format!(
+            "log p(y|x) {log_p:.4} (held out {:.4})  errors {:.2} % ({:.2} %)",
+            -held.log_loss, errors.0, errors.1
+        ))
+    })?;
 
     // Fit a temperature for the classes, or a classifier of the hidden units with its own temperature.
-    let rbm = learning.0.learned()?;
+    let rbm = trainer.learned()?;
     let metadata = Metadata {
         retina: view.retina.clone(),
         command: args.command(&recipe),

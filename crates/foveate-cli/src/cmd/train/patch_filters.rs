@@ -8,7 +8,7 @@ use foveate::learn::filters::{Recipe, Trainer};
 use foveate::rng::{Purpose, Streams};
 use foveate::rows::Rows;
 
-use super::common::{self, Glimpses, Natural};
+use super::common::{Glimpses, Natural};
 
 /// Learn k-means filters of whitened patches, from the rings of glimpses of natural photographs.
 ///
@@ -71,28 +71,15 @@ impl Args {
         let learn = cut.some(glimpses.rows(), self.patches, streams(self.natural.seed));
         let held = cut.some(glimpses.held(), glimpses.held().len(), streams(!self.natural.seed));
         let (learn, held, sha256) = (Rows::new(&learn, side * side), Rows::new(&held, side * side), sha256_of(&learn));
-        let mut trainer = files.begin(
-            Trainer::progress,
-            |path| Trainer::resume(path, recipe.clone(), learn, &sha256),
-            || Trainer::new(recipe.clone(), learn),
-        )?;
-        let (n_p, n_x, k) = trainer.learned().shape();
-        say!("{} patches of {n_p} values, {n_x} of them whitened, {k} filters", learn.len());
-        common::train(
-            (recipe.epochs, 1),
-            &mut trainer,
-            Trainer::progress,
-            |trainer| {
-                trainer.step();
-                Ok(())
-            },
-            |trainer| trainer.save(&files.checkpoint, &sha256),
-            |trainer| Ok(format!("variance left {:.4} (held out {:.4})", trainer.cost(), trainer.learned().cost(held))),
-        )?;
+        say!("{} patches of {} values", learn.len(), learn.width());
+        let line = |trainer: &mut Trainer, _: &Rows<'_>| {
+            Ok(format!("variance left {:.4} (held out {:.4})", trainer.cost(), trainer.learned().cost(held)))
+        };
+        let trainer = files.train::<Trainer, _>(&recipe, &sha256, |_| Ok(learn), |rows| *rows, line)?;
 
         let model = trainer.learned();
         model.save(files.model, &glimpses.metadata(self.command(&glimpses), recipe.seed, recipe.epochs))?;
         let patch = Foveal::new(FovealConfig { side: side as f64, rings: vec![[side, 1]], colour: vec![] })?;
-        files.finish(Some(&filters::picture(Rows::new(&model.pictures(), k), patch.cells(), 400)?))
+        files.finish(Some(&filters::picture(Rows::new(&model.pictures(), recipe.filters), patch.cells(), 400)?))
     }
 }

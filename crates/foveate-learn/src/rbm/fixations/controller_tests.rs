@@ -5,6 +5,7 @@
 //! fixation sees one region; the glimpse of the middle chooses the place and is then forgotten.
 
 use super::*;
+use crate::training::Training;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::Rows;
 
@@ -36,7 +37,7 @@ fn images() -> (Vec<f32>, Vec<u8>) {
 /// Learns both at once, and answers how many images were fixated elsewhere than at their bar, and how many were
 /// misread.
 fn errors(alpha: f32, epochs: usize) -> (usize, usize) {
-    let ((x, y), places) = (images(), Places::grid(3, 1.0).expect("nine places"));
+    let (x, y) = images();
     let region = |image: usize, place: usize| &x[(image * 9 + place) * REGION..][..REGION];
     let recipe = Recipe {
         hidden: 100,
@@ -47,9 +48,9 @@ fn errors(alpha: f32, epochs: usize) -> (usize, usize) {
         rate: 0.01,
         l2: 0.0,
         average: 0.9,
-        ..Recipe::new(Cost::Hybrid, 1, 2)
+        ..Recipe::new(Cost::Hybrid, 1, 2, Places::grid(3, 1.0).expect("nine places"))
     };
-    let mut controller = Controller::new(recipe.hidden, places.len()).expect("hidden units and places");
+    let mut controller = Controller::new(recipe.hidden, recipe.places.len()).expect("hidden units and places");
     let mut trainer: Option<Trainer> = None;
     let middle = [Code::one_hot(4); 48];
     let middles: Vec<f32> = (0..48).flat_map(|i| region(i, 4)).copied().collect();
@@ -75,8 +76,7 @@ fn errors(alpha: f32, epochs: usize) -> (usize, usize) {
                 controller.learn(&s[i / 4 * 100..][..100], &seen, a, log_p, 0.003);
             }
         }
-        let trainer =
-            trainer.get_or_insert_with(|| Trainer::new(recipe.clone(), places.clone(), data).expect("they fit"));
+        let trainer = trainer.get_or_insert_with(|| Trainer::new(recipe.clone(), data).expect("they fit"));
         trainer.epoch(data);
     }
     let rbm = trainer.expect("there were epochs").learned().expect("finite");

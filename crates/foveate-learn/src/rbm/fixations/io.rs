@@ -27,16 +27,15 @@ pub(super) struct File {
     pub about: About,
 }
 
-/// Reads the tensors with these names into parameters of this shape, or fails with a text.
-pub(super) fn take(tensors: &mut Tensors, shape: Shape, prefix: &str) -> std::result::Result<Parameters, String> {
+/// Reads the tensors into parameters of this shape, or fails with a text.
+fn take(tensors: &mut Tensors, shape: Shape) -> std::result::Result<Parameters, String> {
     // Nothing is allocated for what a file says that it has.
     let mut parameters = Parameters::zeros(Shape { n_v: 0, factors: 0, hidden: 0, places: 0, classes: 0 });
     for ((name, shape), into) in NAMES.iter().zip(Parameters::shapes(shape)).zip(parameters.all_mut()) {
         if shape.contains(&0) {
             continue;
         }
-        let name = format!("{prefix}{name}");
-        match tensors.remove(&name) {
+        match tensors.remove(*name) {
             Some((found, values)) if found == shape => *into = values,
             Some((found, _)) => return Err(format!("the tensor {name} is {found:?}, expected {shape:?}")),
             None => return Err(format!("the tensor {name} is missing")),
@@ -49,8 +48,7 @@ impl FixationRbm {
     /// The bytes of a model file.
     pub fn to_bytes(&self, about: &About) -> Vec<u8> {
         let file = File { window: self.window, places: self.places.clone(), about: about.clone() };
-        let names = NAMES.map(String::from);
-        let mut tensors: Vec<_> = self.parameters.tensors(self.shape, &names).collect();
+        let mut tensors: Vec<_> = self.parameters.tensors(self.shape).collect();
         tensors.push(("offset", vec![self.shape.n_v], &self.offset));
         io::pack("fixations", file, &tensors)
     }
@@ -76,7 +74,7 @@ impl FixationRbm {
         let ((n_v, factors), (_, hidden)) = (sides(&tensors, "filters")?, sides(&tensors, "pooling")?);
         let classes = if tensors.contains_key("labels") { sides(&tensors, "labels")?.0 } else { 0 };
         let shape = Shape { n_v, factors, hidden, places: file.places.len(), classes };
-        let parameters = take(&mut tensors, shape, "").map_err(refuse)?;
+        let parameters = take(&mut tensors, shape).map_err(refuse)?;
         let offset = tensors.remove("offset").filter(|o| o.0 == [n_v]);
         let Some((_, offset)) = offset else {
             return Err(refuse(format!("the tensor offset is not there, or not {n_v} long")));

@@ -13,7 +13,6 @@
 //! [`FixationRbm`] is the machine, [`Trainer`] trains it by a [`Cost`], [`Controller`] chooses the next fixation.
 
 mod batch;
-mod checkpoint;
 mod controller;
 #[cfg(test)]
 mod controller_tests;

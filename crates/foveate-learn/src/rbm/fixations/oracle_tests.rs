@@ -3,6 +3,7 @@
 use super::gradient::{Work, gradient};
 use super::parameters::{Parameters, Shape};
 use super::*;
+use crate::training::Training;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::Rows;
 use rand::RngExt;
@@ -18,8 +19,7 @@ fn random(shape: Shape, seed: u64) -> Parameters {
 }
 
 fn machine(shape: Shape, seed: u64) -> FixationRbm {
-    let places = Places::grid(2, 0.5).expect("four places");
-    FixationRbm::new(shape, random(shape, seed), vec![0.3, -0.2, 0.6], places, WINDOW).expect("finite")
+    FixationRbm::new(shape, random(shape, seed), vec![0.3, -0.2, 0.6], places(), WINDOW).expect("finite")
 }
 
 /// All vectors of n bits.
@@ -99,7 +99,7 @@ fn gradients_are_those_of_finite_differences() {
         [(Cost::Hybrid, 3), (Cost::HybridSequential, 3), (Cost::Generative, 0), (Cost::Generative, 3)]
     {
         let shape = Shape { classes, ..SHAPE };
-        let recipe = Recipe { hidden: 5, factors: 4, alpha: 0.7, ..Recipe::new(cost, WINDOW, classes) };
+        let recipe = Recipe { hidden: 5, factors: 4, alpha: 0.7, ..Recipe::new(cost, WINDOW, classes, places()) };
         let rbm = machine(shape, 3);
         let n = 70;
         let mut rng = Streams::new(2, 0).rng(0);
@@ -178,17 +178,27 @@ fn patterns(n: usize, seed: u64) -> (Vec<f32>, Vec<Code>, Vec<u8>) {
     (x, z, y)
 }
 
+fn places() -> Places {
+    Places::grid(2, 0.5).expect("four places")
+}
+
 fn recipe(cost: Cost, classes: usize) -> Recipe {
-    Recipe { hidden: 12, factors: 12, epochs: 30, batch: 20, rate: 0.02, ..Recipe::new(cost, WINDOW, classes) }
+    Recipe {
+        hidden: 12,
+        factors: 12,
+        epochs: 30,
+        batch: 20,
+        rate: 0.02,
+        ..Recipe::new(cost, WINDOW, classes, places())
+    }
 }
 
 #[test]
 fn learning_finds_the_classes_and_raises_the_exact_likelihood() {
     let (x, z, y) = patterns(300, 1);
-    let places = Places::grid(2, 0.5).expect("four places");
     for cost in [Cost::Hybrid, Cost::HybridSequential, Cost::Generative] {
         let data = Sequences::new(Rows::new(&x, 3), &z, &y, WINDOW).expect("they fit");
-        let mut trainer = Trainer::new(recipe(cost, 3), places.clone(), data).expect("they fit");
+        let mut trainer = Trainer::new(recipe(cost, 3), data).expect("they fit");
         // log p(x, y) of some of the data, every normaliser by all states.
         let likelihood = |rbm: &FixationRbm| -> f64 {
             let log_p = |i: usize| {
@@ -219,31 +229,29 @@ fn learning_finds_the_classes_and_raises_the_exact_likelihood() {
 fn resumed_training_ends_with_the_same_bits_for_any_number_of_threads() {
     let (x, z, y) = patterns(90, 3);
     let data = Sequences::new(Rows::new(&x, 3), &z, &y, WINDOW).expect("they fit");
-    let places = Places::grid(2, 0.5).expect("four places");
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = dir.path().join("c.checkpoint");
     for (cost, gates) in [(Cost::HybridSequential, Gates::Logistic), (Cost::Hybrid, Gates::Linear)] {
         let recipe = Recipe { epochs: 3, gates, ..recipe(cost, 3) };
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            let mut whole = Trainer::new(recipe.clone(), places.clone(), data).expect("they fit");
+            let mut whole = Trainer::new(recipe.clone(), data).expect("they fit");
             pool.install(|| (0..3).for_each(|_| whole.epoch(data)));
             whole.learned().expect("finite")
         };
         let whole = run(1);
         assert!(whole == run(3), "threads change nothing");
-        let mut cut = Trainer::new(recipe.clone(), places.clone(), data).expect("they fit");
+        let mut cut = Trainer::new(recipe.clone(), data).expect("they fit");
         while !cut.is_done() {
             cut.step(data);
             if cut.progress().1 % 2 == 1 {
                 cut.save(&path, "abc").expect("a writable folder");
-                assert_eq!(Trainer::epoch_of(&path).expect("a checkpoint"), cut.progress().0);
-                cut = Trainer::resume(&path, recipe.clone(), places.clone(), data, "abc").expect("just written");
+                cut = Trainer::resume(&path, recipe.clone(), data, "abc").expect("just written");
             }
         }
         assert!(cut.learned().expect("finite") == whole);
         let why = |recipe: &Recipe, sha: &str| {
-            Trainer::resume(&path, recipe.clone(), places.clone(), data, sha).expect_err("refused").to_string()
+            Trainer::resume(&path, recipe.clone(), data, sha).expect_err("refused").to_string()
         };
         assert!(why(&recipe, "def").contains("other data"));
         assert!(why(&Recipe { alpha: 9.0, ..recipe.clone() }, "abc").contains("it was begun as"));
@@ -312,9 +320,14 @@ fn recipes_and_data_that_cannot_be_are_refused() {
     assert!(Sequences::new(Rows::new(&[2.0; 60], 3), &z, &y, WINDOW).is_err(), "values beyond 1");
     let data = Sequences::new(rows, &z, &y, WINDOW).expect("they fit");
     let few = Places::grid(1, 0.5).expect("one place");
-    assert!(Trainer::new(good.clone(), few, data).expect_err("four places").to_string().contains("does not fit"));
+    assert!(
+        Trainer::new(Recipe { places: few, ..good.clone() }, data)
+            .expect_err("four places")
+            .to_string()
+            .contains("does not fit")
+    );
     let two = Recipe { classes: 2, ..good };
-    assert!(Trainer::new(two, Places::grid(2, 0.5).expect("four"), data).is_err(), "a label of 2");
+    assert!(Trainer::new(two, data).is_err(), "a label of 2");
 }
 
 /// A diverging training says so.
@@ -323,7 +336,7 @@ fn divergence_is_an_error() {
     let (x, z, y) = patterns(40, 1);
     let data = Sequences::new(Rows::new(&x, 3), &z, &y, WINDOW).expect("they fit");
     let wild = Recipe { rate: 1e30, ..recipe(Cost::Hybrid, 3) };
-    let mut trainer = Trainer::new(wild, Places::grid(2, 0.5).expect("four"), data).expect("they fit");
+    let mut trainer = Trainer::new(wild, data).expect("they fit");
     trainer.epoch(data);
     trainer.epoch(data);
     assert!(trainer.learned().expect_err("diverged").to_string().contains("lower rate"));

@@ -76,10 +76,10 @@ impl Parameters {
             vec![s.classes],
         ]
     }
-    /// Tensors of a file, `names` (of [`NAMES`], with a prefix or without) naming them.
-    pub(super) fn tensors<'a>(&'a self, s: Shape, names: &'a [String]) -> impl Iterator<Item = Tensor<'a>> {
-        let values = names.iter().zip(Self::shapes(s)).zip(self.all());
-        values.filter(|(_, values)| !values.is_empty()).map(|((name, shape), values)| (&**name, shape, &**values))
+    /// Tensors of a file.
+    pub(super) fn tensors(&self, s: Shape) -> impl Iterator<Item = Tensor<'_>> {
+        let values = NAMES.into_iter().zip(Self::shapes(s)).zip(self.all());
+        values.filter(|(_, values)| !values.is_empty()).map(|((name, shape), values)| (name, shape, &**values))
     }
     pub(super) fn is_finite(&self) -> bool {
         self.all().into_iter().flatten().all(|x| x.is_finite())

@@ -1,5 +1,6 @@
 //! How to learn a multi-fixation RBM: the numbers of a training, and their ranges.
 
+use super::Places;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +41,8 @@ pub struct Recipe {
     pub classes: usize,
     /// K (the paper's Δ): fixations of a sequence.
     pub window: usize,
+    /// Where fixations fall.
+    pub places: Places,
     /// What is made small.
     pub cost: Cost,
     /// α, at least 0; of no effect on [`Cost::Generative`].
@@ -65,12 +68,13 @@ pub struct Recipe {
 
 impl Recipe {
     /// Larochelle & Hinton's sizes and α, and steps that suit Adam; to be changed field by field.
-    pub fn new(cost: Cost, window: usize, classes: usize) -> Self {
+    pub fn new(cost: Cost, window: usize, classes: usize, places: Places) -> Self {
         Self {
             hidden: 500,
             factors: 250,
             classes,
             window,
+            places,
             cost,
             alpha: 0.1,
             gates: Gates::Logistic,

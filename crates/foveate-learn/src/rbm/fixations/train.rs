@@ -1,9 +1,9 @@
 //! Learning a multi-fixation RBM: mini-batches, Adam, the mean of the parameters.
 
 use super::gradient::{Tally, Work, gradient};
-use super::parameters::{Offset, Parameters, Shape};
-use super::{FixationRbm, Gates, Places, Recipe, Sequences};
-use crate::rbm::epoch_state::EpochState;
+use super::parameters::{NAMES, Offset, Parameters, Shape};
+use super::{FixationRbm, Gates, Recipe, Sequences};
+use crate::training::{EpochState, Part, Training, named};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_kernels::{self as kernels, Adam};
@@ -22,16 +22,15 @@ const ORDERS: u64 = 1 << 62;
 /// A machine being trained: everything that the rest of the training depends on, the data apart.
 #[derive(Debug)]
 pub struct Trainer {
-    pub(super) recipe: Recipe,
-    pub(super) shape: Shape,
-    pub(super) places: Places,
+    recipe: Recipe,
+    shape: Shape,
     /// Here `gates` are the parameters of V.
-    pub(super) parameters: Parameters,
-    pub(super) offset: Offset,
-    pub(super) first: Parameters,
-    pub(super) second: Parameters,
-    pub(super) mean: Parameters,
-    pub(super) state: EpochState,
+    parameters: Parameters,
+    offset: Offset,
+    first: Parameters,
+    second: Parameters,
+    mean: Parameters,
+    state: EpochState,
     gradient: Parameters,
     gates: Vec<f32>,
     work: Work,
@@ -39,15 +38,21 @@ pub struct Trainer {
     tallied: usize,
 }
 
-impl Trainer {
-    /// Begins: random factors, visible biases that fit the mean of the data. Fails if the recipe is out of range, or the
-    /// data do not fit it.
-    pub fn new(recipe: Recipe, places: Places, data: Sequences<'_>) -> Result<Self> {
+/// Begins with random factors, and visible biases that fit the mean of the data.
+impl Training for Trainer {
+    type Recipe = Recipe;
+    type Data<'a> = Sequences<'a>;
+    const CHECKPOINT: &'static str = "fixations-checkpoint";
+    /// The rate falls to 0 over all epochs.
+    const EXTENDS: bool = false;
+    crate::training_fields!();
+
+    fn new(recipe: Recipe, data: Sequences<'_>) -> Result<Self> {
         recipe.check()?;
         let n_v = data.glimpses().width();
-        data.check(n_v, places.len(), recipe.classes, recipe.window)?;
+        data.check(n_v, recipe.places.len(), recipe.classes, recipe.window)?;
         let Recipe { hidden, factors, classes, seed, .. } = recipe;
-        let shape = Shape { n_v, factors, hidden, places: places.len(), classes };
+        let shape = Shape { n_v, factors, hidden, places: recipe.places.len(), classes };
         let mut p = Parameters::zeros(shape);
         let mut rng = Streams::new(seed, 0).at(0, Purpose::Train).rng(0);
         let mut fill = |values: &mut [f32], mean: f32, sd: f32| {
@@ -72,15 +77,14 @@ impl Trainer {
         }
         let zeros = || Parameters::zeros(shape);
         Ok(Self {
+            state: EpochState::new(recipe.epochs),
             recipe,
             shape,
-            places,
             mean: p.clone(),
             parameters: p,
             offset,
             first: zeros(),
             second: zeros(),
-            state: EpochState::default(),
             gradient: zeros(),
             gates: vec![],
             work: Work::default(),
@@ -88,35 +92,19 @@ impl Trainer {
             tallied: 0,
         })
     }
-    crate::training_accessors!();
-    /// Batches an epoch has for this many sequences; the last one may be smaller.
-    pub fn batches(&self, sequences: usize) -> usize {
-        sequences.div_ceil(self.recipe.batch)
+    /// The last batch may be smaller.
+    fn batches(&self, data: Sequences<'_>) -> usize {
+        data.len().div_ceil(self.recipe.batch)
     }
-    /// The mean of log p(y | x₁..K) in nats and the share of wrong most likely classes, over the sequences since the
-    /// last call, each before its step. NaN if there were none.
-    pub fn take_tally(&mut self) -> (f64, f64) {
-        let (Tally { log_posterior, wrong }, n) = (self.tally, self.tallied as f64);
-        (self.tally, self.tallied) = (Tally::default(), 0);
-        (log_posterior / n, wrong as f64 / n)
-    }
-    /// The current machine: the mean of the parameters, or the last ones if no mean is kept. Fails if the training
-    /// has diverged.
-    pub fn learned(&self) -> Result<FixationRbm> {
-        let mut parameters = if self.recipe.average > 0.0 { self.mean.clone() } else { self.parameters.clone() };
-        effective(self.recipe.gates, &mut parameters.gates);
-        FixationRbm::new(self.shape, parameters, self.offset.clone(), self.places.clone(), self.recipe.window)
-            .map_err(|_| self.state.diverged(self.recipe.rate))
-    }
-    /// The rest of the present epoch. `data` may be others in every epoch, of the same kind and as many.
-    pub fn epoch(&mut self, data: Sequences<'_>) {
-        let epoch = self.state.epoch;
-        while self.state.epoch == epoch {
-            self.step(data);
+    fn parts(&mut self) -> Vec<Part<'_>> {
+        let mut all = vec![("offset".into(), &mut self.offset[..])];
+        let parts = [&mut self.parameters, &mut self.first, &mut self.second, &mut self.mean];
+        for (prefix, part) in ["", "first.", "second.", "mean."].into_iter().zip(parts) {
+            all.extend(named(prefix, NAMES, part.all_mut().map(|values| &mut values[..])));
         }
+        all
     }
-    /// Trains on one mini-batch. Panics if the data do not fit those of the first batch.
-    pub fn step(&mut self, data: Sequences<'_>) {
+    fn step(&mut self, data: Sequences<'_>) {
         let (s, window) = (self.shape, self.recipe.window);
         data.check(s.n_v, s.places, s.classes, window).expect("training goes on with data like those it began with");
         let draws = self.state.draws(self.recipe.seed);
@@ -157,9 +145,27 @@ impl Trainer {
         if self.recipe.gates == Gates::Logistic {
             self.gradient.gates.iter_mut().zip(&self.gates).for_each(|(g, v)| *g *= v * (1.0 - v));
         }
-        let batches = self.batches(data.len());
+        let batches = self.batches(data);
         self.update(n, batches);
         self.state.done(batches);
+    }
+}
+
+impl Trainer {
+    /// The mean of log p(y | x₁..K) in nats and the share of wrong most likely classes, over the sequences since the
+    /// last call, each before its step. NaN if there were none.
+    pub fn take_tally(&mut self) -> (f64, f64) {
+        let (Tally { log_posterior, wrong }, n) = (self.tally, self.tallied as f64);
+        (self.tally, self.tallied) = (Tally::default(), 0);
+        (log_posterior / n, wrong as f64 / n)
+    }
+    /// The current machine: the mean of the parameters, or the last ones if no mean is kept. Fails if the training
+    /// has diverged.
+    pub fn learned(&self) -> Result<FixationRbm> {
+        let mut parameters = if self.recipe.average > 0.0 { self.mean.clone() } else { self.parameters.clone() };
+        effective(self.recipe.gates, &mut parameters.gates);
+        FixationRbm::new(self.shape, parameters, self.offset.clone(), self.recipe.places.clone(), self.recipe.window)
+            .map_err(|_| self.state.diverged())
     }
     /// Moves the parameters along the gradient, summed over n sequences.
     fn update(&mut self, n: usize, batches: usize) {

@@ -1,49 +1,30 @@
 //! Progress of a training by mini-batches, and the order of its rows.
 
-/// The progress of every trainer. It needs a `recipe` with `epochs` and an [`EpochState`] called `state`.
-#[doc(hidden)]
-#[macro_export]
-macro_rules! training_accessors {
-    () => {
-        /// The recipe.
-        pub fn recipe(&self) -> &Recipe {
-            &self.recipe
-        }
-        /// Epochs done, and batches done of the next.
-        pub fn progress(&self) -> (usize, usize) {
-            self.state.progress()
-        }
-        /// Whether all epochs are done.
-        pub fn is_done(&self) -> bool {
-            self.state.epoch >= self.recipe.epochs
-        }
-    };
-}
-
 use foveate_base::Error;
 use foveate_base::rng::{Purpose, Rng, Streams};
 use rand::RngExt;
 
-/// Epochs and batches that are done, and the order of the present epoch.
-#[derive(Debug, Default)]
+/// The number of epochs, those that are done, and the order of the current one.
+#[derive(Debug)]
 pub struct EpochState {
+    epochs: usize,
     /// Epochs that are done.
     pub epoch: usize,
-    /// Of the present epoch.
+    /// Batches of the current epoch that are done.
     pub batch: usize,
     order: Vec<u32>,
 }
 
 impl EpochState {
-    /// So many epochs, and batches of the next, are done.
-    pub(super) fn at(epoch: usize, batch: usize) -> Self {
-        Self { epoch, batch, order: vec![] }
+    /// The start of a training of so many epochs.
+    pub fn new(epochs: usize) -> Self {
+        Self { epochs, epoch: 0, batch: 0, order: vec![] }
     }
-    /// Epochs done, and batches done of the next.
-    pub fn progress(&self) -> (usize, usize) {
-        (self.epoch, self.batch)
+    /// The number of epochs.
+    pub fn epochs(&self) -> usize {
+        self.epochs
     }
-    /// The random streams of the present epoch.
+    /// The random streams of the current epoch.
     pub fn draws(&self, seed: u64) -> Streams {
         Streams::new(seed, 0).at(1 + self.epoch as u64, Purpose::Train)
     }
@@ -68,10 +49,10 @@ impl EpochState {
         }
     }
     /// The error of a diverged training.
-    pub fn diverged(&self, rate: f32) -> Error {
-        let epoch = self.epoch + 1;
+    pub fn diverged(&self) -> Error {
         Error::Invalid(format!(
-            "the training diverged in epoch {epoch}: its numbers are no longer finite; use a lower rate than {rate}"
+            "the training diverged in epoch {}: its numbers are no longer finite; use a lower rate",
+            self.epoch + 1
         ))
     }
 }
