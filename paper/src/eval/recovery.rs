@@ -180,7 +180,15 @@ mod tests {
                 _ if t < said_again => (if t >= 64 { 0.6 } else { 0.0 }, Status::Lost),
                 _ => (if t >= 64 { 0.6 } else { 0.0 }, Status::Reacquired),
             };
-            Judged { p_lost: 0.0, status, cues: Cues::default(), iou, off: None, covariance: [1.0, 0.0, 1.0] }
+            Judged {
+                p_lost: 0.0,
+                status,
+                cues: Cues::default(),
+                iou,
+                off: None,
+                covariance: [1.0, 0.0, 1.0],
+                noise: 0.0,
+            }
         };
         let case = |said: usize| Case::of("A", 1, hide, &(1..100).map(|t| judged(t, said)).collect::<Vec<_>>());
         let good = case(67);

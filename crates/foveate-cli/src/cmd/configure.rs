@@ -7,9 +7,13 @@ pub(crate) use foveate::config::POLICIES;
 
 use foveate::config::Config;
 use foveate::files::Folder;
+use foveate::lab::eval::catalogue::Half;
 use foveate::{Error, Result};
 
 use crate::invocation;
+
+/// Stands for the letter of the other half in the settings of an evaluation.
+pub(crate) const OTHER: &str = "{other}";
 
 /// Configurations for real video, by speed.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -65,6 +69,12 @@ impl Changes {
             config = config.with_policy(name)?;
         }
         self.set.iter().try_fold(config, |config, setting| config.set(setting))
+    }
+
+    /// Returns the changes for the sequences of a half: the letter of the other half in place of each `{other}`.
+    pub fn for_half(&self, half: Half) -> Self {
+        let set = self.set.iter().map(|setting| setting.replace(OTHER, half.other().name())).collect();
+        Self { policy: self.policy.clone(), set }
     }
 
     /// Returns the configuration's name followed by the changes.

@@ -9,16 +9,19 @@ pub(crate) mod record;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
+use foveate::config::{Blueprint, Config};
+use foveate::files::Folder;
+use foveate::lab::eval::catalogue::Half;
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
 use foveate::lab::eval::{
-    Case, Evaluation, Row, Sequence, by_attribute, cases, confidence, confidence_plot, curves, find_sequences, mot,
-    run_all, score_folder, table, track_files,
+    Case, Evaluation, Row, Sequence, by_attribute, cases, confidence, confidence_cross, confidence_plot, curves,
+    find_sequences, mot, of_half, run_all, score_folder, table, track_files,
 };
 use foveate::text::counted;
 use foveate::{Error, Result, files};
 
 use self::record::{Data, Record, Settings};
-use super::configure::{Changes, Profile, config_name, read};
+use super::configure::{Changes, OTHER, Profile, config_name, read};
 use super::results::InPlace;
 use crate::runs::{self, Entry, Store};
 use crate::terminal;
@@ -28,8 +31,10 @@ use crate::terminal;
 /// Without --results, run foveate on every sequence from the true box of frame 1 and score the tracks. Also score the loss detection:
 /// calibration, false alarms, frames until a loss is detected, coverage of credible regions.
 ///
-/// Compare foveate with every peer by attribute of the sequences (occlusion, fast motion, ...) and by half. With --choose, choose settings
-/// on one half of the sequences and test them on the other, both ways.
+/// Compare foveate with every peer by attribute of the sequences (occlusion, fast motion, ...), by half and by kind of target. With
+/// --choose, choose settings on one half of the sequences and test them on the other, both ways. In --config and --set, {other} stands for
+/// the letter of the half that a sequence is not of: --set box_regression.weights=boxes-{other}.json judges each half with what was trained
+/// on the other. A file halves.txt beside the sequences lists half (a or b), name, kind and source video of each.
 ///
 /// With --mot, score tracks of many targets: MOTA, IDF1, HOTA and their components, as TrackEval computes them: foveate eval --mot --truth
 /// DIR --results DIR
@@ -38,6 +43,9 @@ pub(crate) struct Args {
     /// Sequences in the layout of OTB (groundtruth_rect.txt, img/ or video.mp4), VOT, GOT-10k or LaSOT (groundtruth.txt), or folders of sequences
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "mot")]
     pub seqs: Vec<PathBuf>,
+    /// Use only the sequences of one half
+    #[arg(long, value_parser = ["a", "b"], conflicts_with = "mot")]
+    pub half: Option<String>,
     /// Score tracks of many targets in MOTChallenge's text format (frame,id,x,y,w,h,conf,...)
     #[arg(long, requires_all = ["truth", "results"], conflicts_with_all = ["seqs", "config", "policy", "set", "seed", "seeds"])]
     pub mot: bool,
@@ -107,8 +115,13 @@ pub(crate) fn run(args: Args) -> Result<()> {
         return many(&args);
     }
     let name = config_name(args.config.as_deref(), args.profile);
-    let (config, folder) = read(name, &args.changes)?;
-    let blueprint = config.clone().check(&folder)?;
+    let by_half = args.changes.set.iter().map(String::as_str).chain([name]).any(|text| text.contains(OTHER));
+    let halves = if by_half { &Half::BOTH[..] } else { &Half::BOTH[..1] };
+    let configs =
+        halves.iter().map(|half| read(&name.replace(OTHER, half.other().name()), &args.changes.for_half(*half)));
+    let configs: Vec<(Config, Folder)> = configs.collect::<Result<_>>()?;
+    let blueprints: Vec<Blueprint> =
+        configs.iter().map(|(config, folder)| config.clone().check(folder)).collect::<Result<_>>()?;
     let task = Task::of(&args)?;
     if !args.results.is_empty() {
         // Results of other trackers have no status or P(lost).
@@ -122,15 +135,21 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let described = args.changes.describe(name);
     let plan = match args.choose.is_empty() {
         true => None,
-        false => Some(choose::Plan::of(&config, &folder, &args.choose, &task.sequences)?),
+        false if by_half => {
+            return Err(Error::Invalid(format!(
+                "--choose chooses for both halves and takes no {OTHER}; leave one out"
+            )));
+        }
+        false => Some(choose::Plan::of(&configs[0].0, &configs[0].1, &args.choose, &task.sequences)?),
     };
     let data: Vec<Data> = task.sequences.iter().map(Data::with_pictures).collect::<Result<_>>()?;
-    let entry = Entry::of(blueprint, &record::program()?)?;
-    Settings::of(&entry)?.claim(&store.folder, &store.others)?;
-    let record = Record::of(args.scored(), data.clone())?.running(&entry, &described, &task.seeds, &args.choose);
+    let program = record::program()?;
+    let entries: Vec<Entry> = blueprints.into_iter().map(|it| Entry::of(it, &program)).collect::<Result<_>>()?;
+    Settings::of(&entries)?.claim(&store.folder, &store.others)?;
+    let record = Record::of(args.scored(), data.clone())?.running(&entries, &described, &task.seeds, &args.choose);
     match plan {
         Some(plan) => task.choose(&args, &plan, &data, &store, &record),
-        None => task.track(&args, &kept::Runs::new(entry, &task.sequences, &data, &store), &record),
+        None => task.track(&args, &kept::Runs::new(entries, &task.sequences, &data, &store), &record),
     }
 }
 
@@ -143,7 +162,7 @@ struct Task {
 
 impl Task {
     fn of(args: &Args) -> Result<Self> {
-        let sequences = find_sequences(&args.seqs)?;
+        let sequences = of_half(find_sequences(&args.seqs)?, args.half.as_deref())?;
         let score = |folder: &PathBuf| score_folder(&sequences, folder);
         let others: Vec<Vec<Evaluation>> = args.results.iter().chain(&args.peers).map(score).collect::<Result<_>>()?;
         let seeds = (0..args.seeds).map(|i| args.seed.wrapping_add(i)).collect();
@@ -197,8 +216,14 @@ impl Task {
         let curves = curves::panels(&all.iter().map(Evaluation::drawn).collect::<Vec<_>>());
         let runs = runs.into_inner();
         let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
-        let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
-        let reliability = trusted(args, &ConfidenceScore::of(&tracks, kept.localisation_noise()))?;
+        let score = |such: &dyn Fn(&Case) -> bool| {
+            let tracks: Vec<&[Judged]> = runs.iter().filter(|run| such(run)).map(|run| run.judged.as_slice()).collect();
+            ConfidenceScore::of(&tracks)
+        };
+        // The mean of kinds is no mean over frames.
+        let grouped = by_attribute::groups(sequences, &all).into_iter().filter(|g| g.name != by_attribute::KINDS);
+        let grouped = grouped.map(|g| (g.name, score(&|run| g.sequences.contains(&run.sequence.name))));
+        let reliability = trusted(args, &score(&|_| true), &grouped.collect::<Vec<_>>())?;
         let [success, precision] = curves;
         let charts = [success, precision, ("Reliability of P(lost)", reliability)];
         let page = cases::page(&first, others, &charts, &groups, &record.html())?;
@@ -238,9 +263,10 @@ fn told(row: &Row) {
     );
 }
 
-/// Writes and prints the scores of the tracker's P(lost). Returns the chart as SVG text.
-fn trusted(args: &Args, score: &ConfidenceScore) -> Result<String> {
-    let (out, text) = (&args.out, confidence::text(score));
+/// Writes and prints the scores of the tracker's P(lost), over all tracks and by group of sequences. Returns the chart as SVG text.
+fn trusted(args: &Args, score: &ConfidenceScore, groups: &[(String, ConfidenceScore)]) -> Result<String> {
+    let out = &args.out;
+    let text = format!("{}\n{}", confidence::text(score), confidence_cross::text("attribute", groups));
     let json = serde_json::to_string_pretty(score).map_err(|e| Error::Invalid(e.to_string()))?;
     files::write_inside(out.join("confidence.txt"), text.as_bytes())?;
     files::write_inside(out.join("confidence.json"), json.as_bytes())?;

@@ -3,6 +3,7 @@
 use foveate::geometry::BBox;
 use foveate::lab::Digits;
 use foveate::lab::eval::Sequence;
+use foveate::lab::eval::catalogue::{Origin, origin};
 use foveate::lab::synthetic::Synthetic;
 use foveate::scene::Image;
 use foveate::text::counted;
@@ -13,6 +14,8 @@ use foveate::{Error, Result};
 pub struct Video<'a> {
     /// Its name.
     pub name: String,
+    /// Its source, half and kind.
+    pub origin: Origin,
     /// The box in each frame, 0-based; `None` if the target is absent.
     pub truth: Vec<Option<BBox>>,
     /// Width and height in pixels.
@@ -27,6 +30,7 @@ impl Video<'_> {
         let last = self.truth.len() - 1;
         Video {
             name: self.name.clone(),
+            origin: self.origin.clone(),
             truth: self.truth.iter().rev().copied().collect(),
             size: self.size,
             picture: Box::new(move |t| (self.picture)(last - t)),
@@ -45,7 +49,13 @@ pub fn of_sequence(sequence: &Sequence) -> Result<Video<'static>> {
         return Err(Error::malformed(&sequence.truth_file, problem));
     }
     let picture = Box::new(move |t: usize| Ok(images[t].clone()));
-    Ok(Video { name: sequence.name.clone(), truth: sequence.truth.clone(), size, picture })
+    Ok(Video {
+        name: sequence.name.clone(),
+        origin: sequence.origin.clone(),
+        truth: sequence.truth.clone(),
+        size,
+        picture,
+    })
 }
 
 /// Creates the video of a drawn scene.
@@ -53,5 +63,11 @@ pub(crate) fn of_scene<'a>(scene: &Synthetic, digits: &'a Digits) -> Result<Vide
     let video = scene.video(digits)?;
     let truth = video.truth().iter().copied().map(Some).collect();
     let name = format!("digit {}, seed {}", scene.digit(), scene.seed());
-    Ok(Video { name, truth, size: video.size(), picture: Box::new(move |t| Ok(video.render(t))) })
+    Ok(Video {
+        origin: origin(&name),
+        name,
+        truth,
+        size: video.size(),
+        picture: Box::new(move |t| Ok(video.render(t))),
+    })
 }

@@ -190,6 +190,44 @@ fn a_scene_of_many_digits_has_both_layouts() {
     assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("two numbers such as 1,3"));
 }
 
+/// Two videos, listed by half: each is followed with what `{other}` makes of the configuration, as it is alone.
+#[test]
+fn each_half_has_what_the_other_half_made() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    let made = ["synth", "multi", "--frames", "6", "--out", &path("scene"), "--video", &path("film.mp4")];
+    assert!(foveate(&made).status.success());
+    for name in ["one", "two"] {
+        std::fs::create_dir_all(path(&format!("seqs/{name}"))).expect("a new folder");
+        let [film, truth] = ["video.mp4", "groundtruth_rect.txt"].map(|file| path(&format!("seqs/{name}/{file}")));
+        std::fs::copy(path("film.mp4"), film).expect("copied");
+        std::fs::copy(path("scene/groundtruth_rect.txt"), truth).expect("copied");
+    }
+    std::fs::write(path("seqs/halves.txt"), "a one digit first\nb two digit second\n").expect("written");
+    let config = foveate::config::Config::builtin("digits").expect("it ships").expect("it is right");
+    for (name, set) in [("a", "particles=30"), ("b", "particles=60")] {
+        let text = config.set(set).expect("fewer particles").to_toml();
+        std::fs::write(path(&format!("{name}.toml")), text).expect("written");
+    }
+    let eval = |config: &str, more: &[&str], out: &str| {
+        let (config, seqs, out) = (path(config), path("seqs"), path(out));
+        foveate(&[&["eval", "--seqs", &seqs, "--config", &config, "--out", &out], more].concat())
+    };
+    let both = eval("{other}.toml", &[], "both");
+    assert!(both.status.success(), "{}", String::from_utf8_lossy(&both.stderr));
+    let said = String::from_utf8_lossy(&both.stdout).into_owned();
+    assert!(said.contains("kind digit") && said.matches("half b").count() == 2, "{said}");
+    for (half, config, name) in [("a", "b.toml", "one"), ("b", "a.toml", "two")] {
+        let alone = eval(config, &["--half", half], "alone");
+        assert!(alone.status.success(), "{}", String::from_utf8_lossy(&alone.stderr));
+        let read = |out: &str| std::fs::read(path(&format!("{out}/foveate/{name}.txt"))).expect("a track");
+        assert_eq!(read("both"), read("alone"));
+        assert_eq!(std::fs::read_dir(path("alone/foveate")).expect("tracks").count(), 3, "boxes, times, values");
+    }
+    let refused = eval("{other}.toml", &["--choose", "particles=20,30"], "none");
+    assert!(!refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("takes no {other}"));
+}
+
 /// The same grid twice: the second time nothing is run, and all figures are the same. What is judged on a half was chosen on the
 /// other: from the figures by half, the choice can be made again by hand.
 #[test]

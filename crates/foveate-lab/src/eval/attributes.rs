@@ -104,6 +104,13 @@ pub fn computed(truth: &[Option<BBox>]) -> Vec<Attribute> {
     found.into_iter().filter_map(|(attribute, is)| is.then_some(attribute)).collect()
 }
 
+/// Returns whether width / height stays within [`ASPECT`] of frame 1's in every frame with a true box.
+pub fn keeps_aspect(truth: &[Option<BBox>]) -> bool {
+    let mut ratios = truth.iter().flatten().filter(|b| b.w > 0.0 && b.h > 0.0).map(|b| b.w / b.h);
+    let first = ratios.next().unwrap_or(1.0);
+    ratios.all(|ratio| (1.0 / ASPECT..=ASPECT).contains(&(ratio / first)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -127,6 +134,7 @@ mod tests {
         assert_eq!(with(&[(50, large)]), []);
         assert_eq!(with(&[(50, large), (51, large)]), [Attribute::ScaleChange]);
         assert_eq!(with(&[(50, tall), (51, tall)]), [Attribute::AspectChange], "0.64 is below 1 / 1.5");
+        assert!(keeps_aspect(&[large, None, at(9.0, 125.0, 90.0)]) && !keeps_aspect(&[large, tall, large]));
         // A motion of 21 px there and back counts as two motions of 99; if the truth of the frame between is absent, there is none.
         assert_eq!(with(&[(50, at(21.0, 100.0, 100.0))]), [Attribute::FastMotion]);
         assert_eq!(with(&[(50, at(19.0, 100.0, 100.0))]), []);

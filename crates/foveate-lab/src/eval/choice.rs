@@ -6,7 +6,8 @@
 
 use serde::Serialize;
 
-use super::{Evaluation, Score, catalogue};
+use super::catalogue::Origin;
+use super::{Evaluation, Score};
 
 /// Means over sequences.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -28,8 +29,8 @@ impl Figures {
 /// Candidates on the same sequences.
 #[derive(Clone, Debug)]
 pub struct Trials {
-    /// The sequences' names.
-    sequences: Vec<String>,
+    /// The sequences' names and origins.
+    sequences: Vec<(String, Origin)>,
     /// The candidates' names.
     candidates: Vec<String>,
     /// For each candidate, a score per sequence: the mean over seeds.
@@ -62,16 +63,16 @@ pub struct Judgement {
 }
 
 /// Returns the half or the source of a sequence.
-pub type GroupOf = fn(&str) -> &str;
+pub type GroupOf = fn(&Origin) -> &str;
 
 /// Returns the half of a sequence, `a` or `b`.
-pub fn by_half(sequence: &str) -> &str {
-    catalogue::half(sequence).name()
+pub fn by_half(sequence: &Origin) -> &str {
+    sequence.half.name()
 }
 
 /// Returns the source of a sequence.
-pub fn by_source(sequence: &str) -> &str {
-    catalogue::source(sequence)
+pub fn by_source(sequence: &Origin) -> &str {
+    &sequence.source
 }
 
 impl Trials {
@@ -81,44 +82,47 @@ impl Trials {
     /// If there is none, or one does not have every sequence.
     pub fn of(evaluations: &[Evaluation]) -> Self {
         let first = evaluations.first().expect("a candidate at least");
-        let mut sequences: Vec<String> = first.rows.iter().map(|row| row.sequence.clone()).collect();
-        sequences.sort();
+        let mut sequences: Vec<_> = first.rows.iter().map(|row| (row.sequence.clone(), row.origin.clone())).collect();
+        sequences.sort_by(|a, b| a.0.cmp(&b.0));
         sequences.dedup();
         let scores = |e: &Evaluation| {
-            sequences.iter().map(|name| e.of_sequence(name).expect("every candidate ran on every sequence")).collect()
+            sequences
+                .iter()
+                .map(|(name, _)| e.of_sequence(name).expect("every candidate ran on every sequence"))
+                .collect()
         };
         let scores = evaluations.iter().map(scores).collect();
         Self { candidates: evaluations.iter().map(|e| e.tracker.clone()).collect(), sequences, scores }
     }
 
-    /// Returns the names of the sequences.
-    pub fn sequences(&self) -> &[String] {
+    /// Returns the names and origins of the sequences.
+    pub fn sequences(&self) -> &[(String, Origin)] {
         &self.sequences
     }
 
     /// Returns a candidate's means over the sequences that satisfy `such`; `None` without one.
-    pub fn figures(&self, candidate: usize, such: &dyn Fn(&str) -> bool) -> Option<Figures> {
+    pub fn figures(&self, candidate: usize, such: &dyn Fn(&Origin) -> bool) -> Option<Figures> {
         let scores = self.sequences.iter().zip(&self.scores[candidate]);
-        Figures::mean(scores.filter(|(name, _)| such(name)).map(|(_, score)| score))
+        Figures::mean(scores.filter(|((_, origin), _)| such(origin)).map(|(_, score)| score))
     }
 
     /// Returns the candidate with the greatest mean AUC over such sequences, the first of equals, and its scores there.
-    pub fn best(&self, such: &dyn Fn(&str) -> bool) -> Option<(usize, Figures)> {
+    pub fn best(&self, such: &dyn Fn(&Origin) -> bool) -> Option<(usize, Figures)> {
         let each = (0..self.candidates.len()).filter_map(|i| Some((i, self.figures(i, such)?)));
         each.reduce(|best, next| if next.1.auc > best.1.auc { next } else { best })
     }
 
     /// Tests each sequence with the candidate that is best on the sequences of other groups; `None` with fewer than two groups.
     pub fn judge(&self, group: GroupOf) -> Option<Judgement> {
-        let mut groups: Vec<&str> = self.sequences.iter().map(|name| group(name)).collect();
+        let mut groups: Vec<&str> = self.sequences.iter().map(|(_, origin)| group(origin)).collect();
         groups.sort();
         groups.dedup();
         let mut with = vec![0; self.sequences.len()];
         let mut choices = vec![];
         for left_out in groups {
-            let (i, there) = self.best(&|name| group(name) != left_out)?;
-            let left = self.figures(i, &|name| group(name) == left_out)?;
-            let such = self.sequences.iter().zip(&mut with).filter(|(name, _)| group(name) == left_out);
+            let (i, there) = self.best(&|origin| group(origin) != left_out)?;
+            let left = self.figures(i, &|origin| group(origin) == left_out)?;
+            let such = self.sequences.iter().zip(&mut with).filter(|((_, origin), _)| group(origin) == left_out);
             such.for_each(|(_, candidate)| *candidate = i);
             choices.push(Chosen { left_out: left_out.into(), candidate: self.candidates[i].clone(), there, left });
         }
@@ -130,12 +134,15 @@ impl Trials {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::eval::catalogue::origin;
     use crate::eval::{Curves, Row};
 
     /// A candidate with these AUCs on these sequences.
     pub(crate) fn candidate(name: &str, aucs: &[(&str, f64)]) -> Evaluation {
         let row = |(sequence, auc): &(&str, f64)| {
             let score = Score {
+                mask_iou: None,
+                mask_box_iou: None,
                 frames: 1,
                 auc: *auc,
                 p20: 1.0 - auc,
@@ -148,7 +155,8 @@ pub(super) mod tests {
                 values: None,
                 read_pct: None,
             };
-            Row { sequence: (*sequence).into(), seed: Some(1), score, curves: Curves::of(&[], &[]) }
+            let curves = Curves::of(&[], &[]);
+            Row { sequence: (*sequence).into(), origin: origin(sequence), seed: Some(1), score, curves }
         };
         Evaluation { tracker: name.into(), rows: aucs.iter().map(row).collect(), missing: vec![] }
     }
@@ -197,7 +205,8 @@ pub(super) mod tests {
         assert_eq!(said, [("Bag", "x=2"), ("Bolt", "x=1"), ("Car", "x=1"), ("Coke", "x=2")]);
         // Bag 0.4, Coke 0.4, cars 0.1 each, Bolts 0.2 and 0.4.
         assert!((sources.mean.auc - 1.6 / 6.0).abs() < 1e-12);
-        let with: Vec<_> = trials.sequences().iter().map(String::as_str).zip(sources.with.iter().copied()).collect();
+        let with: Vec<_> =
+            trials.sequences().iter().map(|(name, _)| name.as_str()).zip(sources.with.iter().copied()).collect();
         assert_eq!(with, [("Bag", 1), ("Bolt", 0), ("Bolt2", 0), ("Car1", 0), ("Car4", 0), ("Coke", 1)]);
     }
 

@@ -4,6 +4,7 @@ use foveate_base::text::counted;
 use serde_json::{Value, json};
 
 use super::Evaluation;
+use super::catalogue::Origin;
 use super::choice::{Chosen, Figures, Judgement, Trials, by_half, by_source};
 use super::table::aligned;
 
@@ -23,7 +24,7 @@ pub struct Choice {
     /// Each source tested with the candidate that is best on all other sources.
     pub sources: Judgement,
     /// The sequences, in the order of [`Judgement::with`].
-    pub sequences: Vec<String>,
+    pub sequences: Vec<(String, Origin)>,
 }
 
 impl Choice {
@@ -31,7 +32,7 @@ impl Choice {
     pub fn of(candidates: &[Evaluation], present: Option<usize>) -> Option<Self> {
         let trials = Trials::of(candidates);
         let on = |i| {
-            let half = |letter: &str| trials.figures(i, &|name| by_half(name) == letter);
+            let half = |letter: &str| trials.figures(i, &|origin| by_half(origin) == letter);
             Some([half("a")?, half("b")?, trials.figures(i, &|_| true)?])
         };
         Some(Self {
@@ -49,7 +50,7 @@ impl Choice {
     /// data.
     pub fn cross_validated(&self, tracker: &str, candidates: &[Evaluation]) -> Evaluation {
         let rows = self.sequences.iter().zip(&self.halves.with);
-        let rows = rows.flat_map(|(name, i)| candidates[*i].rows.iter().filter(move |row| row.sequence == *name));
+        let rows = rows.flat_map(|((name, _), i)| candidates[*i].rows.iter().filter(move |row| row.sequence == *name));
         // Sorted by seed, then by name, as for a tracker that is run.
         let mut rows: Vec<_> = rows.cloned().collect();
         rows.sort_by(|a, b| (a.seed, &a.sequence).cmp(&(b.seed, &b.sequence)));
@@ -84,7 +85,8 @@ fn heads(first: &str, groups: &[&str]) -> Vec<String> {
 
 /// Formats as aligned text: the candidates, the choice of each half, and the summary. Chosen by mean AUC.
 pub fn text(c: &Choice) -> String {
-    let count = |letter: &str| counted(c.sequences.iter().filter(|name| by_half(name) == letter).count(), "sequence");
+    let count =
+        |letter: &str| counted(c.sequences.iter().filter(|(_, origin)| by_half(origin) == letter).count(), "sequence");
     let mut candidates = vec![heads("candidate", &["a", "b", "all"])];
     for (i, (name, figures)) in c.names.iter().zip(&c.figures).enumerate() {
         let name = if c.present == Some(i) { format!("{name} *") } else { name.clone() };
@@ -122,9 +124,9 @@ fn sources(choices: &[Chosen]) -> String {
 /// Returns all scores as JSON.
 pub fn json(c: &Choice) -> Value {
     let candidate = |(i, (name, [a, b, all])): (usize, (&String, &[Figures; 3]))| json!({ "candidate": name, "as_it_is": c.present == Some(i), "a": a, "b": b, "all": all });
-    let sequence = |(i, name): (usize, &String)| {
+    let sequence = |(i, (name, origin)): (usize, &(String, Origin))| {
         let with = |j: &Judgement| c.names[j.with[i]].clone();
-        json!({ "sequence": name, "half": by_half(name), "source": by_source(name),
+        json!({ "sequence": name, "half": by_half(origin), "source": by_source(origin),
             "chosen_on_the_other_half": with(&c.halves), "chosen_on_other_sources": with(&c.sources) })
     };
     json!({

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::catalogue::Origin;
 use super::curves::Drawn;
+use super::masks::Masks;
 use super::metrics::{self, Score, frames_per_second};
 use super::sequence::list;
 use super::{Curves, Sequence};
@@ -29,6 +31,9 @@ pub struct TrackRun {
 pub struct Row {
     /// Name of the sequence.
     pub sequence: String,
+    /// The source, half and kind of the sequence.
+    #[serde(skip)]
+    pub origin: Origin,
     /// The seed of the run, if it was run here.
     pub seed: Option<u64>,
     /// The scores.
@@ -145,7 +150,9 @@ fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Resu
         let places = [folder.join(boxes), folder.join(&sequence.name).join("boxes.txt")];
         let Some(path) = places.iter().find(|path| path.is_file()) else { continue };
         let in_file = |e: Error| Error::malformed(path, e.to_string());
-        let (mut score, curves) = metrics::score(&read_boxes(path)?, &sequence.truth).map_err(in_file)?;
+        let boxes = read_boxes(path)?;
+        let (mut score, curves) = metrics::score(&boxes, &sequence.truth).map_err(in_file)?;
+        score = score.with_masks(Masks::judge(sequence, &boxes)?);
         let times = [folder.join(&time), folder.join("times").join(&time)];
         if let Some(path) = times.iter().find(|path| path.is_file()) {
             score.fps = frames_per_second(&read_numbers(path)?);
@@ -160,7 +167,7 @@ fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Resu
             };
             score = score.counting(Some([values, share]));
         }
-        rows.push(Row { sequence: sequence.name.clone(), seed, score, curves });
+        rows.push(Row { sequence: sequence.name.clone(), origin: sequence.origin.clone(), seed, score, curves });
     }
     Ok(rows)
 }
@@ -209,8 +216,9 @@ pub fn run_all(
             let at_sequence = |e: Error| Error::Invalid(format!("{}: {e}", sequence.images.display()));
             let (mut score, curves) = metrics::score(&boxes, &sequence.truth).map_err(at_sequence)?;
             score.fps = frames_per_second(&run.seconds);
-            let score = score.counting(run.read);
-            let row = Row { sequence: sequence.name.clone(), seed: Some(seed), score, curves };
+            let score = score.counting(run.read).with_masks(Masks::judge(sequence, &boxes)?);
+            let (name, origin) = (sequence.name.clone(), sequence.origin.clone());
+            let row = Row { sequence: name, origin, seed: Some(seed), score, curves };
             told(&row);
             evaluation.rows.push(row);
         }

@@ -20,6 +20,8 @@ pub use foveate_core::control::LOST;
 pub const EPISODE: usize = 5;
 /// Number of bins of the reliability curve.
 const BINS: usize = 10;
+/// False alarms per 1000 frames on the target at which [`ConfidenceScore::reported_at`] is measured.
+pub const ALARMS: usize = 40;
 /// Probabilities of the evaluated credible regions.
 pub const REGIONS: [f64; 2] = [0.5, 0.9];
 
@@ -38,6 +40,8 @@ pub struct Judged {
     pub off: Option<[f64; 2]>,
     /// Covariance of the belief about the position, in template units: xx, xy, yy.
     pub covariance: [f64; 3],
+    /// Localisation noise of the reported regions, in template units.
+    pub noise: f64,
 }
 
 impl Judged {
@@ -56,6 +60,7 @@ impl Judged {
             iou: truth.map_or(0.0, |truth| seen.bbox.iou(&truth)),
             off,
             covariance: [c[0][0] / area, c[0][1] / area, c[1][1] / area],
+            noise: seen.localisation_noise,
         }
     }
     /// Returns whether the target is lost.
@@ -124,6 +129,8 @@ pub struct ConfidenceScore {
     pub reported: Option<f64>,
     /// Frames on the target that are reported as occluded or lost, per 1000 frames on it.
     pub false_alarms: Option<f64>,
+    /// Fraction of the lost frames with P(lost) above a threshold that [`ALARMS`] of 1000 frames on the target exceed.
+    pub reported_at: Option<f64>,
     /// Number of losses of five frames or more.
     pub episodes: usize,
     /// Number of these that were reported before they ended.
@@ -137,8 +144,8 @@ pub struct ConfidenceScore {
 }
 
 impl ConfidenceScore {
-    /// Scores tracks, each in the order of its frames; `localisation_noise` is that of the tracker's regions.
-    pub fn of(tracks: &[&[Judged]], localisation_noise: f64) -> Self {
+    /// Scores tracks, each in the order of its frames.
+    pub fn of(tracks: &[&[Judged]]) -> Self {
         let all: Vec<&Judged> = tracks.iter().copied().flatten().collect();
         let (on, off): (Vec<&Judged>, Vec<&Judged>) = all.iter().partition(|j| !j.lost());
         let share = |part: usize, of: usize| (of > 0).then(|| part as f64 / of as f64);
@@ -149,9 +156,8 @@ impl ConfidenceScore {
         let rate = off.len() as f64 / n;
         let delays: Vec<Option<usize>> = tracks.iter().flat_map(|track| delays(track)).collect();
         let detected: Vec<f64> = delays.iter().flatten().map(|d| *d as f64).collect();
-        let coverage = (!on.is_empty()).then(|| {
-            [0.0, localisation_noise].map(|localisation_noise| REGIONS.map(|p| coverage(&on, p, localisation_noise)))
-        });
+        let [alone, with]: [fn(&Judged) -> f64; 2] = [|_| 0.0, |j| j.noise];
+        let coverage = (!on.is_empty()).then(|| [alone, with].map(|noise| REGIONS.map(|p| coverage(&on, p, &noise))));
         Self {
             frames: all.len(),
             lost: off.len(),
@@ -162,6 +168,7 @@ impl ConfidenceScore {
             roc: roc(&pairs),
             reported: share(out(&off), off.len()),
             false_alarms: share(out(&on), on.len()).map(|s| 1000.0 * s),
+            reported_at: reported_at(&on, &off),
             episodes: delays.len(),
             detected: detected.len(),
             delay: (!detected.is_empty()).then(|| [0.5, 0.9].map(|q| quantile(&detected, q))),
@@ -182,6 +189,15 @@ impl ConfidenceScore {
         };
         track.iter().map(again).collect()
     }
+}
+
+/// Computes the fraction of lost frames with P(lost) above the smallest threshold that at most [`ALARMS`] of 1000 frames on the target
+/// exceed; `None` without both.
+fn reported_at(on: &[&Judged], off: &[&Judged]) -> Option<f64> {
+    let mut p: Vec<f64> = on.iter().map(|j| j.p_lost).collect();
+    p.sort_by(|a, b| b.total_cmp(a));
+    let threshold = *p.get(p.len() * ALARMS / 1000)?;
+    (!off.is_empty()).then(|| off.iter().filter(|j| j.p_lost > threshold).count() as f64 / off.len() as f64)
 }
 
 /// Computes the area under the ROC curve, by ranks; ties count half.
@@ -208,9 +224,9 @@ fn delays(track: &[Judged]) -> Vec<Option<usize>> {
 
 /// Returns the fraction of frames with the truth in the credible ellipse of probability p: for a normal belief the squared Mahalanobis
 /// distance is at most −2 ln(1 − p).
-fn coverage(frames: &[&Judged], p: f64, localisation_noise: f64) -> f64 {
+fn coverage(frames: &[&Judged], p: f64, noise: &dyn Fn(&Judged) -> f64) -> f64 {
     let most = -2.0 * (1.0 - p).ln();
-    let squares: Vec<f64> = frames.iter().filter_map(|j| j.squares(localisation_noise)).collect();
+    let squares: Vec<f64> = frames.iter().filter_map(|j| j.squares(noise(j))).collect();
     squares.iter().filter(|s| **s <= most).count() as f64 / squares.len().max(1) as f64
 }
 
@@ -219,7 +235,7 @@ fn best_noise(frames: &[&Judged]) -> f64 {
     let (mut low, mut high) = (0.0, 4.0);
     while high - low > 1e-3 {
         let middle = 0.5 * (low + high);
-        if coverage(frames, REGIONS[1], middle) < REGIONS[1] { low = middle } else { high = middle }
+        if coverage(frames, REGIONS[1], &|_| middle) < REGIONS[1] { low = middle } else { high = middle }
     }
     high
 }
@@ -239,6 +255,7 @@ pub fn text(score: &ConfidenceScore) -> String {
         ("lost where P(lost) is below 10 %", or(s.lost_below_tenth().map(percent))),
         ("lost frames reported", or(s.reported.map(percent))),
         ("false alarms per 1000 frames", or(s.false_alarms.map(|f| format!("{f:.1}")))),
+        ("lost frames reported at 40 false alarms per 1000, by P(lost)", or(s.reported_at.map(percent))),
         ("losses detected", format!("{} of {}", s.detected, s.episodes)),
         ("detection delay in frames, median, 90 %", or(s.delay.map(|d| format!("{:.0}, {:.0}", d[0], d[1])))),
         ("truth in 50 / 90 % region, belief alone", coverage(0)),
@@ -263,7 +280,15 @@ mod tests {
     use rand_distr::StandardNormal;
 
     fn judged(p_lost: f64, iou: f64, status: Status) -> Judged {
-        Judged { p_lost, status, cues: Cues::default(), iou, off: Some([0.0, 0.0]), covariance: [1.0, 0.0, 1.0] }
+        Judged {
+            p_lost,
+            status,
+            cues: Cues::default(),
+            iou,
+            off: Some([0.0, 0.0]),
+            covariance: [1.0, 0.0, 1.0],
+            noise: 0.0,
+        }
     }
 
     #[test]
@@ -275,17 +300,19 @@ mod tests {
         track.extend([judged(0.95, 0.0, out); 4]);
         track.extend([judged(0.05, 0.5, tracking); 4]);
         track.extend([judged(0.95, 0.0, tracking); 4]); // too short for an episode
-        let s = ConfidenceScore::of(&[&track], 0.0);
+        let s = ConfidenceScore::of(&[&track]);
         assert_eq!((s.frames, s.lost, s.episodes, s.detected), (24, 10, 1, 1));
         assert_eq!((s.delay, s.reported), (Some([2.0, 2.0]), Some(0.4)));
         assert!((s.false_alarms.expect("on the target") - 1000.0 / 14.0).abs() < 1e-9);
         // 16 frames at 0.05, of which 2 are lost; 8 at 0.95, all lost.
         assert!((s.ece - (16.0 * (0.125 - 0.05) + 8.0 * 0.05) / 24.0).abs() < 1e-12);
         assert!((s.brier - (22.0 * 0.05f64.powi(2) + 2.0 * 0.95f64.powi(2)) / 24.0).abs() < 1e-12);
+        // At most 0 of 14 frames on the target may exceed the threshold, so it is 0.05; 8 of 10 lost frames do.
+        assert_eq!(s.reported_at, Some(0.8));
         // Of 140 pairs, 112 in order and 28 tied.
         assert!((s.roc.expect("both") - (112.0 + 14.0) / 140.0).abs() < 1e-12);
-        assert!(text(&s).contains("1 of 1") && ConfidenceScore::of(&[], 0.1).roc.is_none());
-        assert!(!text(&ConfidenceScore::of(&[], 0.1)).contains("0.0"), "no frame tells nothing");
+        assert!(text(&s).contains("1 of 1") && ConfidenceScore::of(&[]).roc.is_none());
+        assert!(!text(&ConfidenceScore::of(&[])).contains("0.0"), "no frame tells nothing");
     }
 
     /// 4000 samples from correct beliefs, and from beliefs that ignore 0.3 units of noise: the fraction within the 90 % region has a
@@ -303,13 +330,14 @@ mod tests {
             (0..4000).map(draw).collect()
         };
         let (right, blurred) = (frames(0.0), frames(0.3));
-        let of = |frames: &[Judged], localisation_noise| {
-            ConfidenceScore::of(&[frames], localisation_noise).coverage.expect("frames")
+        let of = |frames: &[Judged], noise| {
+            let frames: Vec<Judged> = frames.iter().map(|j| Judged { noise, ..*j }).collect();
+            ConfidenceScore::of(&[&frames]).coverage.expect("frames")
         };
         let near = |got: [f64; 2]| (got[0] - 0.5).abs() < 0.04 && (got[1] - 0.9).abs() < 0.025;
         assert!(near(of(&right, 0.0)[0]) && near(of(&blurred, 0.3)[1]));
         assert!(of(&blurred, 0.3)[0][1] < 0.8, "the belief alone is too sure");
-        let found = ConfidenceScore::of(&[&blurred], 0.0).best_noise.expect("frames");
+        let found = ConfidenceScore::of(&[&blurred]).best_noise.expect("frames");
         assert!((found - 0.3).abs() < 0.04, "{found}");
     }
 }

@@ -22,31 +22,33 @@ pub fn cross_fit(
     fit: Fitting,
     group: GroupOf,
 ) -> Result<Vec<Vec<Judged>>> {
-    let mut groups: Vec<&str> = tracks.iter().map(|t| group(&t.video)).collect();
+    let mut groups: Vec<&str> = tracks.iter().map(|t| group(&t.origin)).collect();
     groups.sort();
     groups.dedup();
     let mut judged = vec![vec![]; tracks.len()];
     let without =
-        |left_out: &&str| fit(&tracks.iter().filter(|t| group(&t.video) != *left_out).collect::<Vec<_>>(), confidence);
+        |left_out: &&str| fit(&tracks.iter().filter(|t| group(&t.origin) != *left_out).collect::<Vec<_>>(), confidence);
     let models = groups.par_iter().map(without).collect::<Result<Vec<_>>>()?;
     for (left_out, model) in groups.into_iter().zip(models) {
-        for (track, judged) in tracks.iter().zip(&mut judged).filter(|(t, _)| group(&t.video) == left_out) {
+        for (track, judged) in tracks.iter().zip(&mut judged).filter(|(t, _)| group(&t.origin) == left_out) {
             *judged = ConfidenceScore::rejudged(&track.frames, &model);
         }
     }
     Ok(judged)
 }
 
-/// Formats the scores of P(lost) as aligned text, one line per fitting method.
-pub fn text(lines: &[(String, ConfidenceScore)]) -> String {
+/// Formats the scores of P(lost) as aligned text, one line for each group of tracks or fitting method, with `first` above the names.
+pub fn text(first: &str, lines: &[(String, ConfidenceScore)]) -> String {
     let heads = [
-        "fitted on, judged on",
+        first,
         "frames",
         "lost",
         "calibration error",
         "lost where P(lost) < 10 %",
         "false alarms per 1000",
         "lost frames reported",
+        "at 40 per 1000",
+        "in 50 / 90 % region",
     ];
     let or = |v: Option<String>| v.unwrap_or_else(|| "-".into());
     let percent = |v: f64| format!("{:.1} %", 100.0 * v);
@@ -59,6 +61,8 @@ pub fn text(lines: &[(String, ConfidenceScore)]) -> String {
             or(s.lost_below_tenth().map(percent)),
             or(s.false_alarms.map(|f| format!("{f:.1}"))),
             or(s.reported.map(percent)),
+            or(s.reported_at.map(percent)),
+            or(s.coverage.map(|c| c[1].map(|v| format!("{v:.2}")).join(" / "))),
         ]
     };
     let all: Vec<Vec<String>> =
@@ -69,6 +73,7 @@ pub fn text(lines: &[(String, ConfidenceScore)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::eval::catalogue::origin;
     use crate::eval::choice::{by_half, by_source};
     use crate::eval::confidence_fit::fit;
     use foveate_core::control::{Cues, Status};
@@ -80,9 +85,17 @@ mod tests {
             let mut cues = Cues::default();
             cues[0] = if lost { sign } else { -sign };
             let (p_lost, iou) = (0.5, if lost { 0.0 } else { 1.0 });
-            Judged { p_lost, status: Status::Tracking, cues, iou, off: Some([0.0, 0.0]), covariance: [1.0, 0.0, 1.0] }
+            Judged {
+                p_lost,
+                status: Status::Tracking,
+                cues,
+                iou,
+                off: Some([0.0, 0.0]),
+                covariance: [1.0, 0.0, 1.0],
+                noise: 0.0,
+            }
         };
-        Judgement { video: video.into(), occluded: false, frames: (0..100).map(frame).collect() }
+        Judgement { video: video.into(), origin: origin(video), occluded: false, frames: (0..100).map(frame).collect() }
     }
 
     /// In half b (Couple, Crossing) the cue means the opposite of its meaning in half a (Coke, Bag). A model fitted on the other half is
@@ -103,9 +116,9 @@ mod tests {
         assert!(cross_fit(&tracks[..1], &model, fit, by_half).is_err(), "nothing to fit on");
 
         let tracks: Vec<&[Judged]> = sources[2..3].iter().map(Vec::as_slice).collect();
-        let score = ConfidenceScore::of(&tracks, 0.0);
+        let score = ConfidenceScore::of(&tracks);
         assert_eq!(score.lost_below_tenth(), Some(0.0));
-        let said = text(&[("by source".into(), score)]);
+        let said = text("fitted on", &[("by source".into(), score)]);
         assert!(said.lines().nth(1).is_some_and(|l| l.starts_with("by source") && l.contains(" 100    20 ")), "{said}");
     }
 }

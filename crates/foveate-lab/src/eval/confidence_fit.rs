@@ -1,5 +1,6 @@
 //! Fits a [`ConfidenceModel`] on tracks with ground truth. `confidence_cross.rs` tests it on others.
 
+use super::catalogue::Origin;
 use super::confidence::{ConfidenceScore, Judged};
 use crate::hide::Hide;
 use foveate_base::Result;
@@ -21,8 +22,10 @@ const RARER: usize = 5;
 /// One tracker on one video.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
-    /// The video's name: tracks of one video, or of videos of one source, are left out together.
+    /// The video's name.
     pub video: String,
+    /// Its origin: tracks of one half, or of one source, are left out together.
+    pub origin: Origin,
     /// Whether an occlusion was inserted.
     pub occluded: bool,
     /// Reports from the second frame on.
@@ -68,7 +71,7 @@ pub fn follow(
 pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<ConfidenceModel> {
     let (weights, bias) = logistic(tracks, |j| std::array::from_fn::<f64, OWN, _>(|k| j.cues[k]), L2)?;
     let such: Vec<&[Judged]> = tracks.iter().map(|t| &t.frames[..]).collect();
-    let localisation_noise = ConfidenceScore::of(&such, 0.0).best_noise.unwrap_or(confidence.localisation_noise);
+    let localisation_noise = ConfidenceScore::of(&such).best_noise.unwrap_or(confidence.localisation_noise);
     let mut table = confidence.clone();
     (table.weights, table.bias, table.localisation_noise) = (weights, bias, localisation_noise);
     fit_second_opinion(tracks, &table)
@@ -142,6 +145,7 @@ fn deviations<const N: usize>(rows: &[f32]) -> [f64; N] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::eval::catalogue::origin;
     use foveate_core::control::{Cues, Status};
 
     /// A thousand frames for each logit of the own cues and each overlap, with the number of lost frames that a known model gives.
@@ -154,10 +158,18 @@ mod tests {
             (cues[0], cues[AGREEMENT]) = (z, agreement);
             frames.extend((0..1000).map(|i| {
                 let (p_lost, iou) = (0.5, if i < lost { 0.0 } else { 1.0 });
-                Judged { p_lost, status: Status::Tracking, cues, iou, off: None, covariance: [1.0, 0.0, 1.0] }
+                Judged {
+                    p_lost,
+                    status: Status::Tracking,
+                    cues,
+                    iou,
+                    off: None,
+                    covariance: [1.0, 0.0, 1.0],
+                    noise: 0.0,
+                }
             }));
         }
-        vec![Judgement { video: "Coke".into(), occluded: false, frames }]
+        vec![Judgement { video: "Coke".into(), origin: origin("Coke"), occluded: false, frames }]
     }
 
     #[test]

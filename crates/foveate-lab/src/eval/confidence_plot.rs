@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn the_plot_has_all_points() {
-        let svg = plot(&[("nobody", &ConfidenceScore::of(&[], 0.0))]);
+        let svg = plot(&[("nobody", &ConfidenceScore::of(&[]))]);
         assert!(svg.contains("<svg") && svg.contains("perfect") && !svg.contains("nobody"));
     }
 }

@@ -34,6 +34,10 @@ pub struct Score {
     pub values: Option<f64>,
     /// Percentage of the values of a picture that were read.
     pub read_pct: Option<f64>,
+    /// Mean IoU of the box with the target's mask, if the sequence has masks.
+    pub mask_iou: Option<f64>,
+    /// Mean IoU of the box with the box around the mask.
+    pub mask_box_iou: Option<f64>,
 }
 
 /// Scores a track against the truth, box by box (`None`: no box from the tracker, or an absent target).
@@ -79,6 +83,8 @@ pub fn score(boxes: &[Option<BBox>], truth: &[Option<BBox>]) -> Result<(Score, C
         fps: None,
         values: None,
         read_pct: None,
+        mask_iou: None,
+        mask_box_iou: None,
     };
     Ok((score, curves))
 }
@@ -87,6 +93,11 @@ impl Score {
     /// Adds the values read from a picture and their fraction of all values, if known.
     pub(super) fn counting(self, read: Option<[f64; 2]>) -> Self {
         Self { values: read.map(|r| r[0]), read_pct: read.map(|r| 100.0 * r[1]), ..self }
+    }
+
+    /// Adds the means of the overlaps with masks and with the boxes around them, if there are masks.
+    pub(super) fn with_masks(self, ious: Option<[f64; 2]>) -> Self {
+        Self { mask_iou: ious.map(|it| it[0]), mask_box_iou: ious.map(|it| it[1]), ..self }
     }
 
     /// Returns the mean over sequences, with equal weights; frames and failures are summed. `None` without one.
@@ -109,6 +120,8 @@ impl Score {
             fps: known(&|s| s.fps),
             values: known(&|s| s.values),
             read_pct: known(&|s| s.read_pct),
+            mask_iou: known(&|s| s.mask_iou),
+            mask_box_iou: known(&|s| s.mask_box_iou),
         })
     }
 }
@@ -177,10 +190,12 @@ mod tests {
             fps,
             values: fps,
             read_pct: None,
+            mask_iou: fps,
+            mask_box_iou: None,
         };
         let mean = Score::mean([part(0.2, 10, Some(30.0)), part(0.6, 90, None)].iter()).expect("two");
         assert!((mean.auc - 0.4).abs() < 1e-15);
-        assert_eq!((mean.frames, mean.failures, mean.fps), (100, 2, Some(30.0)));
+        assert_eq!((mean.frames, mean.failures, mean.fps, mean.mask_iou), (100, 2, Some(30.0), Some(30.0)));
         assert_eq!(Score::mean([].into_iter()), None);
     }
 }

@@ -20,6 +20,7 @@ pub mod confidence_fit;
 pub mod confidence_plot;
 pub mod curves;
 pub mod experiment;
+pub mod masks;
 pub mod metrics;
 pub mod mot;
 pub mod regret;
@@ -33,4 +34,4 @@ pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder, track_files}
 pub use curves::Curves;
 pub use metrics::{Score, score};
 pub use reliability::Reliability;
-pub use sequence::{Sequence, find_sequences};
+pub use sequence::{Sequence, find_sequences, of_half};

@@ -7,6 +7,8 @@ use foveate_core::geometry::BBox;
 use foveate_video::annotation::{hide_absent, read_truth};
 use foveate_video::{frames_folder, image_files, vot};
 
+use super::catalogue::{self, Origin};
+
 /// The file of the frames, if a sequence's folder has no pictures.
 const VIDEO: &str = "video.mp4";
 
@@ -22,6 +24,10 @@ pub struct Sequence {
     pub truth_file: PathBuf,
     /// The box in each frame, 0-based; `None` if the target is absent.
     pub truth: Vec<Option<BBox>>,
+    /// Its source, half and kind.
+    pub origin: Origin,
+    /// The file of the masks, `mask.png`, if there is one: [`Masks`](super::masks::Masks).
+    pub masks: Option<PathBuf>,
 }
 
 impl Sequence {
@@ -32,6 +38,13 @@ impl Sequence {
     pub fn init(&self) -> Result<BBox> {
         let absent = || Error::malformed(&self.truth_file, "the target is absent in frame 1, where a tracker starts");
         self.truth.first().copied().flatten().ok_or_else(absent)
+    }
+
+    /// Creates a sequence without files, for tests.
+    #[cfg(test)]
+    pub(crate) fn named(name: &str, truth: Vec<Option<BBox>>) -> Self {
+        let [images, truth_file] = ["nowhere"; 2].map(PathBuf::from);
+        Self { name: name.into(), images, truth_file, truth, origin: catalogue::origin(name), masks: None }
     }
 
     /// Returns the files of its frames: the pictures in order, or the video.
@@ -70,6 +83,16 @@ pub fn find_sequences(folders: &[PathBuf]) -> Result<Vec<Sequence>> {
     by_name(found, |s| (&s.name, &s.truth_file))
 }
 
+/// Keeps the sequences of one half, `a` or `b`, or all.
+///
+/// # Errors
+/// None is left.
+pub fn of_half(mut sequences: Vec<Sequence>, half: Option<&str>) -> Result<Vec<Sequence>> {
+    sequences.retain(|sequence| half.is_none_or(|half| sequence.origin.half.name() == half));
+    let none = || Error::Invalid(format!("--half {}: none of these sequences is of it", half.unwrap_or_default()));
+    if sequences.is_empty() { Err(none()) } else { Ok(sequences) }
+}
+
 /// Sorts sequences by name; the function returns the name and the file of the truth. Fails if two share a name.
 pub(super) fn by_name<T>(mut found: Vec<T>, of: impl Fn(&T) -> (&str, &Path)) -> Result<Vec<T>> {
     found.sort_by(|a, b| of(a).0.cmp(of(b).0));
@@ -93,11 +116,14 @@ fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
         let (images, video) = (frames_folder(folder), folder.join(VIDEO));
         let images = if images == folder && video.is_file() { video } else { images };
         let of_vot = truth_file.ends_with("groundtruth.txt") && vot::is_sequence(folder);
+        let listed = catalogue::of_folder(whole.parent().unwrap_or(&whole))?.remove(&name);
+        let origin = listed.unwrap_or_else(|| catalogue::origin(&name));
+        let masks = Some(folder.join("mask.png")).filter(|path| path.is_file());
         let mut truth = if of_vot { vot::read_truth(&truth_file)? } else { read_truth(&truth_file)? };
         if !of_vot {
             hide_absent(&mut truth, folder)?;
         }
-        found.push(Sequence { name, images, truth, truth_file });
+        found.push(Sequence { name, images, truth, truth_file, origin, masks });
     }
     Ok(())
 }
@@ -138,6 +164,7 @@ mod tests {
         write("all/notes/readme.txt", "");
         write("film/V/groundtruth_rect.txt", "1,1,5,5\n");
         write("film/V/video.mp4", "");
+        write("film/halves.txt", "b V animal brook\n");
         let all = dir.path().join("all");
         let found = find_sequences(std::slice::from_ref(&all)).expect("three");
         assert_eq!(found.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["A", "B", "B-2"]);
@@ -148,6 +175,12 @@ mod tests {
         let video = dir.path().join("film/V/video.mp4");
         let of_video = || find_sequences(&[dir.path().join("film")]).expect("one").remove(0);
         assert_eq!((of_video().images.clone(), of_video().files().expect("there")), (video.clone(), vec![video]));
+        let halves = |half| of_half(vec![of_video()], half).map(|left| left.len());
+        assert_eq!(
+            (of_video().origin.source.as_str(), halves(None).ok(), halves(Some("b")).ok()),
+            ("brook", Some(1), Some(1))
+        );
+        assert!(halves(Some("a")).expect_err("none").to_string().contains("--half a"));
         write("film/V/img/0001.png", "");
         assert_eq!(of_video().images, dir.path().join("film/V/img"), "pictures come first");
 

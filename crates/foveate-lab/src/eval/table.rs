@@ -90,9 +90,11 @@ fn figures(first: &str, lines: &[(String, Score)]) -> String {
     let timed = any(&|s| s.fps.is_some());
     // A tracker of whole pictures reads 100 % of the values.
     let reads = any(&|s| s.read_pct.is_some_and(|read| read < WHOLE));
+    let masks = any(&|s| s.mask_iou.is_some());
     let mut heads = vec![first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %"];
     heads.extend(timed.then_some("fps"));
     heads.extend(if reads { &["values", "read %"][..] } else { &[] });
+    heads.extend(if masks { &["mask IoU", "its box"][..] } else { &[] });
     let line = |(name, s): &(String, Score)| {
         let mut cells = vec![
             name.clone(),
@@ -107,13 +109,15 @@ fn figures(first: &str, lines: &[(String, Score)]) -> String {
         let some = |value: Option<f64>, places: usize| value.map_or("-".into(), |v| format!("{v:.places$}"));
         cells.extend(timed.then(|| some(s.fps, 0)));
         cells.extend(if reads { vec![some(s.values, 0), some(s.read_pct, 2)] } else { vec![] });
+        cells.extend(if masks { vec![some(s.mask_iou, 3), some(s.mask_box_iou, 3)] } else { vec![] });
         cells
     };
     let all: Vec<Vec<String>> =
         std::iter::once(heads.into_iter().map(String::from).collect()).chain(lines.iter().map(line)).collect();
-    let legend = if reads { "values, read %: pixel values read a frame, and their share of the picture\n" } else { "" };
+    let reads = if reads { "values, read %: pixel values read a frame, and their share of the picture\n" } else { "" };
+    let masks = if masks { "mask IoU, its box: mean overlap with the mask, and with the box around it\n" } else { "" };
     format!(
-        "{}AUC: area under the success curve; P@20: frames within 20 px; SR@0.5: frames with IoU above 0.5; failure: IoU 0\n{legend}",
+        "{}AUC: area under the success curve; P@20: frames within 20 px; SR@0.5: frames with IoU above 0.5; failure: IoU 0\n{reads}{masks}",
         aligned(&all)
     )
 }

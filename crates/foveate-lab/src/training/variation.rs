@@ -1,7 +1,7 @@
 //! The variation of target features along tracks with ground truth: their covariance about the mean over each track.
 
 use foveate_base::rows::{Rows, RowsMut};
-use foveate_base::{Error, Result, files};
+use foveate_base::{Error, Result};
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_core::identity::discriminant::Covariance;
 use foveate_core::identity::encoder::Encoder;
@@ -9,7 +9,7 @@ use foveate_core::identity::oriented::{Oriented, Weights};
 use foveate_core::identity::pyramid::{Pyramid, Region};
 use foveate_core::identity::retina::{Foveal, Retina};
 use foveate_core::scene::Image;
-use foveate_video::{decode_image, folder};
+use foveate_video::open;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
@@ -66,15 +66,15 @@ pub fn covariance(sequences: &[Sequence], retina: &Foveal, every: usize) -> Resu
 }
 
 fn track(sequence: &Sequence, retina: &Foveal, encoder: &Oriented, every: usize) -> Result<Option<Track>> {
-    let pictures = folder::image_files(&sequence.images)?;
     let first = sequence.init()?;
-    let boxes = pictures.iter().zip(&sequence.truth).step_by(every).filter_map(|(path, bbox)| Some((path, (*bbox)?)));
     let mut sha = Sha256::new_with_prefix(&sequence.name);
+    for file in sequence.files()? {
+        sha.update(std::fs::read(&file).map_err(Error::io(&file, "cannot read"))?);
+    }
+    let frames = open(&sequence.images)?.zip(&sequence.truth).step_by(every);
     let mut rows = [vec![], vec![]];
-    for (path, bbox) in boxes.filter(|(_, bbox)| bbox.check().is_ok()) {
-        let bytes = files::read(path, files::PICTURE)?;
-        let image = decode_image(&bytes).map_err(|problem| Error::malformed(path, problem))?;
-        sha.update(&bytes);
+    for (frame, bbox) in frames.filter_map(|(frame, bbox)| Some((frame, bbox.filter(|b| b.check().is_ok())?))) {
+        let image = frame?.image;
         [bbox.x, bbox.y, bbox.w, bbox.h].iter().for_each(|v| sha.update(v.to_le_bytes()));
         let longer = (bbox.w * bbox.h / (first.w * first.h)).sqrt();
         let (x, y) = bbox.centre();
@@ -149,7 +149,8 @@ mod tests {
                 .expect("written");
             Some(BBox { x: f64::from(left), y: 20.0, w: 32.0, h: 32.0 })
         });
-        Sequence { name: "s".into(), truth: truth.collect(), truth_file: folder.join("groundtruth_rect.txt"), images }
+        let truth = truth.collect();
+        Sequence { images, ..Sequence::named("s", truth) }
     }
 
     fn of(dark: usize) -> String {

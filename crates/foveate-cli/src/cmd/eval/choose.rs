@@ -38,7 +38,7 @@ impl Plan {
     /// Creates the plan from the settings of --choose. Writes nothing yet.
     pub(super) fn of(config: &Config, folder: &Folder, choices: &[String], sequences: &[Sequence]) -> Result<Self> {
         for half in ["a", "b"] {
-            if !sequences.iter().any(|s| by_half(&s.name) == half) {
+            if !sequences.iter().any(|s| by_half(&s.origin) == half) {
                 let all: Vec<&str> = sequences.iter().map(|s| s.name.as_str()).collect();
                 return Err(Error::Invalid(format!(
                     "--choose chooses on one half of the sequences and judges on the other, but none of these is in half {half}: \

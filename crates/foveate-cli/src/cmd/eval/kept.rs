@@ -34,9 +34,9 @@ impl Finished for Kept {
     }
 }
 
-/// A configuration on sequences.
+/// A configuration, or one for each half, on sequences.
 pub(crate) struct Runs<'a> {
-    entry: Entry,
+    entries: Vec<Entry>,
     sequences: &'a [Sequence],
     data: &'a [Data],
     store: &'a Store,
@@ -44,14 +44,14 @@ pub(crate) struct Runs<'a> {
 
 impl<'a> Runs<'a> {
     /// Creates the runs that are or will be stored in `store`; `data` belongs to the sequences.
-    pub(crate) fn new(entry: Entry, sequences: &'a [Sequence], data: &'a [Data], store: &'a Store) -> Self {
-        Self { entry, sequences, data, store }
+    pub(crate) fn new(entries: Vec<Entry>, sequences: &'a [Sequence], data: &'a [Data], store: &'a Store) -> Self {
+        Self { entries, sequences, data, store }
     }
 
     /// Returns the run of a sequence with a seed, stored or newly made.
     pub(crate) fn one(&self, sequence: &Sequence, seed: u64) -> Result<Kept> {
         let i = self.sequences.iter().position(|it| it.name == sequence.name).expect("one of the sequences");
-        self.store.one(&self.key(seed, i), sequence.truth.len(), || make(&self.entry, sequence, seed))
+        self.store.one(&self.key(seed, i), sequence.truth.len(), || make(self.entry(i), sequence, seed))
     }
 
     /// Returns the runs of each seed with each sequence, in this order; makes missing ones in parallel, each in one thread. `None` if the
@@ -60,7 +60,7 @@ impl<'a> Runs<'a> {
         let jobs: Vec<(u64, usize)> =
             seeds.iter().flat_map(|seed| (0..self.sequences.len()).map(move |sequence| (*seed, sequence))).collect();
         let key = |(seed, i): &(u64, usize)| self.key(*seed, *i);
-        let make = |(seed, i): &(u64, usize)| make(&self.entry, &self.sequences[*i], *seed);
+        let make = |(seed, i): &(u64, usize)| make(self.entry(*i), &self.sequences[*i], *seed);
         let frames = |(_, i): &(u64, usize)| self.sequences[*i].truth.len();
         let kept: Option<Vec<Kept>> = self.store.finished("eval", &jobs, &frames, &key, &make)?.into_iter().collect();
         Ok(kept.filter(|_| self.store.shard.is_none()))
@@ -75,13 +75,13 @@ impl<'a> Runs<'a> {
         Ok(())
     }
 
-    /// Returns the localisation noise of the tracker's configuration, for the credible regions.
-    pub(crate) fn localisation_noise(&self) -> f64 {
-        self.entry.blueprint.config().confidence.localisation_noise
+    /// Returns the configuration for a sequence.
+    fn entry(&self, i: usize) -> &Entry {
+        self.entries.get(self.sequences[i].origin.half as usize).unwrap_or(&self.entries[0])
     }
 
     fn key(&self, seed: u64, i: usize) -> String {
-        key("eval", &self.entry, &self.sequences[i], &self.data[i], seed)
+        key("eval", self.entry(i), &self.sequences[i], &self.data[i], seed)
     }
 }
 

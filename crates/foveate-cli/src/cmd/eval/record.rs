@@ -113,15 +113,15 @@ impl Record {
     }
 
     /// Adds the tracker that is run; `configuration` is its name and changes.
-    pub(crate) fn running(mut self, entry: &Entry, configuration: &str, seeds: &[u64], choose: &[String]) -> Self {
-        let config = entry.blueprint.config();
+    pub(crate) fn running(mut self, entries: &[Entry], configuration: &str, seeds: &[u64], choose: &[String]) -> Self {
+        let (blueprint, config) = (&entries[0].blueprint, entries[0].blueprint.config());
         self.tracker = Some(Ran {
             configuration: configuration.into(),
             policy: config.policy_kind(),
-            retina: rings(&*entry.blueprint.retina()),
+            retina: rings(&*blueprint.retina()),
             seeds: seeds.to_vec(),
-            fingerprint: entry.fingerprint.clone(),
-            text: config.to_toml(),
+            fingerprint: fingerprint(entries),
+            text: text(entries),
             choose: choose.to_vec(),
         });
         self
@@ -171,6 +171,16 @@ impl Record {
     }
 }
 
+/// Returns the fingerprints of the configuration, or of those of half a and half b.
+fn fingerprint(entries: &[Entry]) -> String {
+    entries.iter().map(|entry| entry.fingerprint.as_str()).collect::<Vec<_>>().join(" ")
+}
+
+/// Returns the configuration as TOML, or those of half a and half b.
+fn text(entries: &[Entry]) -> String {
+    entries.iter().map(|entry| entry.blueprint.config().to_toml()).collect::<Vec<_>>().join("\n# Half b\n")
+}
+
 /// Returns a digest of the program itself: a rebuilt one may give other tracks.
 pub(crate) fn program() -> Result<String> {
     let path = crate::invocation::program();
@@ -186,9 +196,8 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    pub(crate) fn of(entry: &Entry) -> Result<Self> {
-        let configuration = entry.blueprint.config().to_toml();
-        Ok(Self { build: program()?, fingerprint: entry.fingerprint.clone(), configuration })
+    pub(crate) fn of(entries: &[Entry]) -> Result<Self> {
+        Ok(Self { build: program()?, fingerprint: fingerprint(entries), configuration: text(entries) })
     }
 
     /// Returns the file for a folder of finished runs.

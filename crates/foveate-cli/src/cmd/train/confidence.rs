@@ -108,8 +108,7 @@ impl Args {
 
 /// Prints the scores of the tracks from `from` on, and writes the model fitted on all tracks.
 fn judge(args: &Args, tracks: &[Judgement], from: usize, confidence: &ConfidenceModel) -> Result<()> {
-    let slices =
-        |tracks: &[Vec<Judged>]| ConfidenceScore::of(&tracks.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0);
+    let slices = |tracks: &[Vec<Judged>]| ConfidenceScore::of(&tracks.iter().map(Vec::as_slice).collect::<Vec<_>>());
     let last = &tracks[from..];
     let now: Vec<Vec<Judged>> = last.iter().map(|t| t.frames.clone()).collect();
     say!("The model that the tracks were made with:\n{}", confidence::text(&slices(&now)));
@@ -149,15 +148,18 @@ fn judged_on_halves(tracks: &[Judgement], others: &[(&str, &Vec<Vec<Judged>>)], 
         }
         let score = |judged: &[Vec<Judged>], half: Option<&str>| {
             let such = tracks.iter().zip(judged).filter(|(t, _)| t.occluded == occluded);
-            let such = such.filter(|(t, _)| half.is_none_or(|half| by_half(&t.video) == half));
-            ConfidenceScore::of(&such.map(|(_, track)| track.as_slice()).collect::<Vec<_>>(), 0.0)
+            let such = such.filter(|(t, _)| half.is_none_or(|half| by_half(&t.origin) == half));
+            ConfidenceScore::of(&such.map(|(_, track)| track.as_slice()).collect::<Vec<_>>())
         };
         let of_others = others.iter().map(|(name, judged)| (format!("{name}, all"), score(judged, None)));
         let by_halves =
             [("half b, half a", Some("a")), ("half a, half b", Some("b")), ("the other half, all (pooled)", None)];
         let by_halves = by_halves.map(|(name, half)| (name.to_owned(), score(halves, half)));
         let lines: Vec<(String, ConfidenceScore)> = of_others.chain(by_halves).collect();
-        say!("By what P(lost) was fitted on, videos {kind} an inserted occlusion:\n{}", confidence_cross::text(&lines));
+        say!(
+            "By what P(lost) was fitted on, videos {kind} an inserted occlusion:\n{}",
+            confidence_cross::text("fitted on, judged on", &lines)
+        );
     }
 }
 
@@ -179,12 +181,13 @@ fn csv(tracks: &[Judgement]) -> String {
 mod tests {
     use super::*;
     use foveate::Status;
+    use foveate::lab::eval::catalogue::origin;
 
     #[test]
     fn a_video_may_have_any_name() {
         let (status, cues) = (Status::Tracking, [0.0; CUE_NAMES.len()]);
-        let frame = Judged { p_lost: 0.5, status, cues, iou: 1.0, off: None, covariance: [0.0; 3] };
-        let track = Judgement { video: "=a,b".into(), occluded: false, frames: vec![frame] };
+        let frame = Judged { p_lost: 0.5, status, cues, iou: 1.0, off: None, covariance: [0.0; 3], noise: 0.0 };
+        let track = Judgement { video: "=a,b".into(), origin: origin("=a,b"), occluded: false, frames: vec![frame] };
         let text = csv(&[track]);
         assert!(text.lines().nth(1).is_some_and(|line| line.starts_with("0,\"'=a,b\",0,0,0.5,0,1,")), "{text}");
     }

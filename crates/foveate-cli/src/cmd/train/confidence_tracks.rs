@@ -188,7 +188,7 @@ impl Jobs<'_> {
         all.map(|hide| {
             let (picture, mut tracker) = (&*video.picture, self.entry.blueprint.tracker(seed)?);
             let frames = follow(&video.truth, video.truth.len(), hide.as_ref(), picture, &mut tracker)?;
-            Ok(Judgement { video: video.name.clone(), occluded: hide.is_some(), frames })
+            Ok(Judgement { video: video.name.clone(), origin: video.origin.clone(), occluded: hide.is_some(), frames })
         })
         .collect()
     }

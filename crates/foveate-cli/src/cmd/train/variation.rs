@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use foveate::identity::retina::Foveal;
-use foveate::lab::eval::choice::by_half;
-use foveate::lab::eval::find_sequences;
+use foveate::lab::eval::{find_sequences, of_half};
 use foveate::lab::training::variation::covariance;
 use foveate::{Error, Result, files};
 
@@ -45,13 +44,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let Some(foveate::config::RetinaConfig::Foveal(retina)) = config.retina else {
         return Err(Error::Config(format!("{}: it has no [retina]; the oriented encoder needs one", args.config)));
     };
-    let mut sequences = find_sequences(&args.seqs)?;
-    if let Some(half) = &args.half {
-        sequences.retain(|sequence| by_half(&sequence.name) == half);
-        if sequences.is_empty() {
-            return Err(Error::Invalid(format!("--half {half}: none of these sequences is of half {half}")));
-        }
-    }
+    let sequences = of_half(find_sequences(&args.seqs)?, args.half.as_deref())?;
     let every = usize::try_from(args.every).expect("at most 1000");
     let learned = covariance(&sequences, &Foveal::new(retina)?, every)?;
     let command = format!("foveate {}", crate::invocation::arguments());
