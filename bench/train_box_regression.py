@@ -4,7 +4,7 @@
 Usage:
   pip install torch numpy pillow
   bench/train_box_regression.py --data data --half b --out b.json                  # photographs, and the tracks of half b
-  foveate eval --seqs data/tracking data/tracking-wide --set box_regression.weights=b.json      # read half a of it
+  foveate eval --seqs data/tracking data/tracking-wide --set box_regression.weights={other}.json
   bench/train_box_regression.py --data data --out natural-boxes.json               # of both halves, as it ships
 
 It sees two pictures in 32 x 32 cells, each of a box and half its size more on every side: frame 1's of the target, and one of a box that lies
