@@ -8,7 +8,7 @@
 //! | [`Table`] | [`TracksTable`], [`TargetsTable`] | track.csv, tracks.csv, targets.csv |
 //! | [`Trace`] | | trace.jsonl: every intermediate quantity |
 //! | [`Film`] | [`Film`] | annotated.mp4 |
-//! | [`Report`] | [`MultiReport`] | report.html: a page that replays the run offline |
+//! | [`Report`] | [`Report`] | report.html: a page that replays the run offline |
 //! | [`SurfacePicture`] | | surface.png: the gaze policy's learned rewards |
 //! | [`Strip`] | [`MultiStrip`] | a film strip |
 //! | [`Stream`] | [`Stream`] | one line per frame as it is tracked, to a pipe or an address |
@@ -43,9 +43,7 @@ pub use self::csv::quoted;
 pub use self::film::{Film, SideBySide};
 pub use self::multi::MultiAnnotator;
 pub use self::pictures::shrunk;
-pub use self::report::{
-    BRAND, MultiReport, Report, SCRIPT, STYLE, card, document, drawing, escape, fill, levels, particles,
-};
+pub use self::report::{BRAND, Report, SCRIPT, STYLE, card, document, drawing, escape, fill, levels, particles};
 pub use self::snapshot::SurfacePicture;
 pub use self::stream::Stream;
 pub use self::strip::{MultiStrip, Strip};

@@ -1,23 +1,25 @@
 //! report.html: a page that replays a run in any browser, offline.
 //!
-//! Every frame has a row of numbers, about 180 bytes. Pictures, particles and glimpses are kept for evenly spaced frames: at most 400
-//! pictures and 9 MB. The page itself is `report/*.{html,css,js}`.
+//! Pictures and boxes, and with one target particles and glimpses, are kept for evenly spaced frames: at most 400 pictures and 9 MB. With
+//! one target every frame also has a row of numbers, about 180 bytes. The page itself is `report/*.{html,css,js}`; it shows the data that
+//! the run has.
 
+mod bars;
 mod document;
 mod html;
 mod kept;
-mod multi;
 mod page;
+mod tracks;
 
 pub use self::document::{card, document, drawing};
 pub use self::html::{BRAND, SCRIPT, STYLE, escape, fill};
-pub use self::multi::MultiReport;
 
 use std::path::PathBuf;
 
 use self::html::{Template, base64, picture};
 use self::kept::{Kept, MOST_KEYS};
 use self::page::{Hills, Key, Page};
+use self::tracks::Drawn;
 use crate::heat::{Heat, span};
 use crate::regret::RegretLog;
 use crate::template::{Crop, FirstFrame};
@@ -34,7 +36,7 @@ const MOST_PARTICLES: usize = 250;
 /// Points along a side of a reward surface on the page.
 const SURFACE: usize = 21;
 
-/// report.html of one target. It collects the data during the run, and writes the page at the end.
+/// report.html of a run, with one target or many. It collects the data during the run, and writes the page at the end.
 pub struct Report {
     info: RunInfo,
     file: Sink,
@@ -66,23 +68,52 @@ impl Report {
         first.glimpse(&**retina, gaze)
     }
 
-    /// Adds a frame with a given box.
-    fn given(&mut self, frame: &Frame, seen: &Seen<'_>) {
+    /// Adds the only target so far in a frame whose box is given.
+    fn given(&mut self, frame: &Frame, seen: &Seen<'_>, key: &mut Key) {
         let bbox = &seen.bbox;
         if self.page.template.is_none() {
             self.page.template = Some(Template::new(&Crop::around(&frame.image, bbox)));
         }
         self.first = self.info.retina.as_deref().map(|retina| FirstFrame::new(&frame.image, bbox, retina));
-        let row = self.page.given(frame, &seen.state, seen.extent);
-        if self.keys.wants(row) {
-            let template = base64(&levels(&self.template(Gaze::CENTRE)));
-            let jpeg = picture(&frame.image);
-            self.keep(Key { row, jpeg, glimpse: template.clone(), template, ..Key::default() });
-        }
+        key.template = base64(&levels(&self.template(Gaze::CENTRE)));
+        key.glimpse = key.template.clone();
     }
 
-    fn keep(&mut self, key: Key) {
-        self.keys.push(key.row, key.bytes(), key);
+    /// Adds the only target so far in a tracked frame; `wanted` is whether the page keeps the key.
+    fn tracked(&mut self, frame: &Frame, seen: &Seen<'_>, wanted: bool, key: &mut Key) -> Result<()> {
+        let arm = self.arm(seen.gaze, seen.snapshot);
+        self.page.tracked(seen, arm);
+        if seen.weights.is_empty() {
+            return Ok(());
+        }
+        if !self.log.gazes().is_empty() {
+            self.log.enter(frame, seen)?;
+        }
+        if !wanted {
+            return Ok(());
+        }
+        let (particles, weights) = particles(seen);
+        let (features, span) = quantised(&seen.percept.features);
+        self.page.features = seen.percept.features.len();
+        self.page.shown = weights.len();
+        match seen.snapshot {
+            PolicySnapshot::Blank => (),
+            PolicySnapshot::Arms { probabilities, .. } => {
+                key.policy = base64(&probabilities.iter().flat_map(|p| word(*p)).collect::<Vec<_>>());
+            }
+            PolicySnapshot::Surface(shown) => {
+                let heat = Heat::of(shown, SURFACE);
+                self.page.surface = Some([SURFACE as f64, heat.reach]);
+                key.surface = Some(hills(&heat, shown.best()));
+            }
+        }
+        let also = seen.plan.used().filter(|(k, _)| *k != seen.plan.chosen_index());
+        key.also = also.map(|(_, gaze)| [gaze.u, gaze.v]).collect();
+        (key.particles, key.weights) = (base64(&particles), base64(&weights));
+        (key.features, key.span) = (base64(&features), span);
+        key.glimpse = base64(&levels(&seen.percept.glimpse));
+        key.template = base64(&levels(&self.template(seen.gaze)));
+        Ok(())
     }
 
     /// Returns the page's arm for a gaze.
@@ -97,56 +128,26 @@ impl Report {
 
 impl Observer for Report {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
-        let Some(seen) = targets.first() else { return Ok(()) };
-        if seen.is_given() {
-            self.given(frame, seen);
-            return Ok(());
-        }
-        let gaze = seen.gaze;
-        let arm = self.arm(gaze, seen.snapshot);
-        let row = self.page.tracked(frame, seen, arm);
-        if !self.log.gazes().is_empty() {
-            self.log.enter(frame, seen)?;
-        }
-        if !self.keys.wants(row) {
-            return Ok(());
-        }
-        let (particles, weights) = particles(seen);
-        let (features, span) = quantised(&seen.percept.features);
-        self.page.features = seen.percept.features.len();
-        self.page.shown = weights.len();
-        let also = seen.plan.used().filter(|(k, _)| *k != seen.plan.chosen_index());
-        let (mut policy, mut surface) = (vec![], None);
-        match seen.snapshot {
-            PolicySnapshot::Blank => (),
-            PolicySnapshot::Arms { probabilities, .. } => {
-                policy = probabilities.iter().flat_map(|p| word(*p)).collect()
-            }
-            PolicySnapshot::Surface(shown) => {
-                let heat = Heat::of(shown, SURFACE);
-                self.page.surface = Some([SURFACE as f64, heat.reach]);
-                surface = Some(hills(&heat, shown.best()));
+        let row = self.page.frame(frame, targets);
+        let wanted = self.keys.wants(row);
+        let mut key = Key { row, ..Key::default() };
+        if let (true, [seen]) = (self.page.has_one(), targets) {
+            self.page.only(seen);
+            match seen.is_given() {
+                true => self.given(frame, seen, &mut key),
+                false => self.tracked(frame, seen, wanted, &mut key)?,
             }
         }
-        self.keep(Key {
-            row,
-            jpeg: picture(&frame.image),
-            particles: base64(&particles),
-            weights: base64(&weights),
-            glimpse: base64(&levels(&seen.percept.glimpse)),
-            template: base64(&levels(&self.template(gaze))),
-            features: base64(&features),
-            span,
-            policy: base64(&policy),
-            also: also.map(|(_, gaze)| [gaze.u, gaze.v]).collect(),
-            surface,
-        });
+        if wanted {
+            (key.jpeg, key.targets) = (picture(&frame.image), targets.iter().map(Drawn::new).collect());
+            self.keys.push(row, key.bytes(), key);
+        }
         Ok(())
     }
 
     fn finish(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.finished, true) {
-            self.page.measure(self.info.clock.total());
+            self.page.end(&self.info);
             self.page.regret(&self.log);
             self.file.write(self.page.render(&self.keys.iter().collect::<Vec<_>>()).as_bytes())?;
         }
@@ -207,6 +208,63 @@ fn quantised(values: &[f32]) -> (Vec<u8>, Option<[f32; 2]>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::multi::tests::{frame, seen};
+    use foveate_core::multi::Phase;
+
+    /// The summary and the text of the page of a run in which `targets` returns those of each of 40 frames.
+    fn page(targets: impl Fn(usize) -> Vec<Seen<'static>>) -> (serde_json::Value, String) {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("report.html");
+        let info = RunInfo { source: "<b>.mp4".into(), ..RunInfo::default() };
+        let mut report = Report::create(&path, info).expect("a writable folder");
+        (0..40).for_each(|t| report.observe(&frame(t), &targets(t)).expect("kept"));
+        assert!(!path.exists());
+        report.finish().expect("written");
+        let page = std::fs::read_to_string(&path).expect("a page");
+        let data = page.split("id=\"data\">").nth(1).and_then(|rest| rest.split("</script>").next()).expect("data");
+        (serde_json::from_str(data).expect("JSON"), page)
+    }
+
+    fn phase(t: usize) -> Phase {
+        match t {
+            0 => Phase::Initiated,
+            10..15 => Phase::Occluded,
+            20..26 => Phase::Lost,
+            _ => Phase::Tracked,
+        }
+    }
+
+    #[test]
+    fn the_page_has_each_track() {
+        let (data, page) = page(|t| {
+            let mut targets = vec![seen(1, 30.0, phase(t))];
+            if !(15..30).contains(&t) {
+                targets.push(seen(2, 80.0, if t == 30 { Phase::ReIdentified } else { Phase::Tracked }));
+            }
+            targets
+        });
+        assert_eq!(data["tracks"], serde_json::json!({ "targets": 2, "most": 2, "reidentified": 1 }));
+        assert_eq!((&data["size"], &data["series"]["x"]), (&[120, 60].into(), &serde_json::json!([])));
+        for part in [
+            "foveate: &lt;b&gt;.mp4",
+            "<td>1</td><td>40</td><td>40</td><td>5</td><td>6</td><td>0</td>",
+            "<td>1</td><td>40</td><td>25</td><td>0</td><td>0</td><td>1</td>",
+            "class=\"again\"",
+            "7 (98 %)",
+        ] {
+            assert!(page.contains(part), "{part}");
+        }
+        assert!(!page.contains("<b>.mp4") && !page.contains("{{"));
+    }
+
+    #[test]
+    fn the_only_one_of_many_targets_has_numbers() {
+        let (data, _) = page(|t| vec![seen(7, 30.0, phase(t))][..usize::from(t != 30)].to_vec());
+        let series = |name: &str| data["series"][name].as_array().expect("a column").clone();
+        let known = |name: &str| series(name).iter().filter(|value| !value.is_null()).count();
+        assert_eq!(["frame", "x", "usable", "ess"].map(known), [40, 39, 38, 0]);
+        assert!(series("x")[30].is_null());
+    }
 
     #[test]
     fn activations_outside_0_to_1_say_their_span() {

@@ -13,7 +13,7 @@ use foveate_core::config::Config;
 use foveate_core::geometry::BBox;
 use foveate_core::multi::Phase;
 use foveate_core::scene::Image;
-use foveate_report::{MultiReport, Observer, Report, RunInfo, SurfacePicture};
+use foveate_report::{Observer, Report, RunInfo, SurfacePicture};
 use foveate_video::Frame;
 use serde_json::Value;
 
@@ -143,7 +143,7 @@ fn labels_never_overlap() {
 /// report.html of a short run with two targets, the second in one frame.
 fn many(folder: &Path) -> PathBuf {
     let path = folder.join("many.html");
-    let mut report = MultiReport::create(&path, RunInfo::default()).expect("a writable folder");
+    let mut report = Report::create(&path, RunInfo::default()).expect("a writable folder");
     for index in 0..FRAMES {
         let given = Seen::given(frame(index).image.shape(), &INIT);
         let (one, mut two) = (given.in_phase(Phase::Tracked), given.in_phase(Phase::Lost));
@@ -183,7 +183,7 @@ fn shaded_frames_are_explained() {
     }
 }
 
-/// Both pages, light and dark, on a screen and on a phone.
+/// The page of one target and of many, light and dark, on a screen and on a phone.
 #[cfg(unix)]
 #[test]
 fn pages_fit_screens_and_fingers() {

@@ -5,7 +5,7 @@ use foveate::config::{Blueprint, RecogniserConfig};
 use foveate::files::Folder;
 use foveate::lab::eval::experiment::digest;
 use foveate::lab::synthetic::{Multi, MultiVideo};
-use foveate::report::{Film, MultiReport, MultiStrip, Observer, RunInfo};
+use foveate::report::{Film, MultiStrip, Observer, Report, RunInfo};
 use foveate::{Error, Result};
 use serde_json::json;
 
@@ -123,7 +123,7 @@ fn film(experiment: &Experiment, blueprint: &Blueprint, video: &MultiVideo, setu
     let mut observers: Vec<Box<dyn Observer>> = vec![
         Box::new(MultiStrip::create(setup.out.join(&file), &title, shown, COLUMNS)?),
         Box::new(Film::of_many(setup.out.join(format!("{name}.mp4")), &info)?),
-        Box::new(MultiReport::create(setup.out.join(format!("{name}-report.html")), info)?),
+        Box::new(Report::create(setup.out.join(format!("{name}-report.html")), info)?),
     ];
     follow(blueprint, line.alone, video, seed, &mut observers)?;
     observers.finish()?;

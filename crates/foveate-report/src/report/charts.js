@@ -35,6 +35,8 @@ if (data.classes) {
   const inks = ['target', 'gaze', 'second', 'third', 'lost', 'soft'];
   chartList.unshift({ title: 'Class', unit: 'probability, all frames so far', from: 0, to: 1, lines: data.classes.map(({ name, of }, i) => ({ name, of, ink: inks[i], dash: i > 0 })) });
 }
+for (let i = chartList.length; i-- > 0;) if (chartList[i].lines.every(({ of }) => of.every(v => v === null))) chartList.splice(i, 1);
+byId('charts').hidden = !chartList.length;
 const HEIGHT = 128, RIGHT = 12, TOP = 8, BOTTOM = 20, LABEL = '10.5px system-ui, "DejaVu Sans", sans-serif';
 const ruler = document.createElement('canvas').getContext('2d');
 const widthOf = text => { ruler.font = LABEL; return ruler.measureText(text).width; };
@@ -69,7 +71,7 @@ for (const chart of chartList) {
   chart.values = element('p', { class: 'value' });
   chart.plot = element('div', { class: 'plot' });
   const title = element('h2', {}, chart.title, element('span', {}, chart.unit || ''));
-  byId('charts').append(element('figure', { class: 'card chart' + (chart.lines.length > 3 || chart.shade ? ' many' : '') }, element('div', { class: 'head' }, title, chart.values), chart.plot));
+  byId('charts').append(element('figure', { class: 'card chart' }, element('div', { class: 'head' }, title, chart.values), chart.plot));
   scrubOver(chart.plot, () => left, () => chart.plot.clientWidth - left - RIGHT);
   chart.spans = chart.lines.map(line => {
     const value = element('b'), mark = element('i', { class: 'swatch' + (line.dash ? ' dash' : '') });

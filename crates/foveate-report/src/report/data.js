@@ -1,7 +1,8 @@
-// The run: one value a row (frame) in `series`, pictures and particles in `keys` (some of the rows).
+// The run: one value a row (frame) in `series`, pictures, targets and particles in `keys` (some of the rows). Only one target has columns
+// besides frame and time, and only a tracker of one target has particles and glimpses.
 const { info, series, keys, arms } = data;
 const rows = series.frame.length;
-const [frameWidth, frameHeight] = data.size;
+const [frameWidth, frameHeight] = data.size, viewed = data.particles > 0;
 
 // A number as people read it: three figures (two below 1), a real minus, a dash for "none".
 function say(value, digits = 3) {

@@ -19,10 +19,6 @@ impl<T> Kept<T> {
     pub(super) fn new(most: usize) -> Self {
         Self { items: vec![], every: 1, most, bytes: 0 }
     }
-    /// Returns the distance of two kept rows.
-    pub(super) fn every(&self) -> usize {
-        self.every
-    }
     /// Returns whether a row is to be kept.
     pub(super) fn wants(&self, row: usize) -> bool {
         row.is_multiple_of(self.every)
@@ -58,7 +54,7 @@ mod tests {
             assert!(kept.items.len() <= MOST_KEYS && kept.bytes <= MOST_BYTES);
         }
         let rows: Vec<usize> = kept.iter().copied().collect();
-        assert_eq!(rows, (0..5000).step_by(kept.every()).collect::<Vec<_>>());
+        assert_eq!(rows, (0..5000).step_by(kept.every).collect::<Vec<_>>());
         assert!(rows.len() > MOST_KEYS / 2, "{}", rows.len());
         let mut kept = Kept::new(MOST_KEYS);
         for row in (0..100).filter(|r| *r < 60 || r % 2 == 0) {

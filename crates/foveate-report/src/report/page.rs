@@ -1,19 +1,18 @@
-//! The data of the page of one target, and the generated page. `data.js` reads the output of [`Page::render`].
-
-use std::time::Duration;
+//! The data of the page, and the generated page. `data.js` reads the output of [`Page::render`].
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::html::{self, Template, bytes_of, short};
+use super::tracks::{Drawn, Tracks};
 use crate::regret::RegretLog;
 use crate::{Baseline, RunInfo};
 use foveate_core::Seen;
 use foveate_core::control::Status;
-use foveate_core::geometry::{BBox, Extent, State};
+use foveate_core::geometry::BBox;
 use foveate_video::Frame;
 
-/// One number per frame; NaN if there is none.
+/// One number per frame; NaN if there is none. All but the first two are of the only target, and empty if there are more.
 const COLUMNS: [&str; 32] = [
     "frame",
     "time",
@@ -57,6 +56,7 @@ const MOST_CLASSES: usize = 6;
 pub(super) struct Key {
     pub row: usize,
     pub jpeg: String,
+    pub targets: Vec<Drawn>,
     /// x and y of each particle: 16 bits over −1 to 2 pictures.
     pub particles: String,
     /// Relative to the heaviest, 8 bits.
@@ -106,6 +106,7 @@ pub(super) struct Page {
     seconds: f64,
     tracked: usize,
     rows: Vec<[f64; COLUMNS.len()]>,
+    tracks: Tracks,
     pub shown: usize,
     pub features: usize,
     pub learned: bool,
@@ -127,7 +128,7 @@ impl Page {
             info: json!({
                 "source": info.source, "reader": info.reader, "seed": info.seed, "command": info.command,
                 "config_name": info.config_name, "config_text": info.config_text,
-                "version": html::VERSION,
+                "version": html::VERSION, "warnings": [],
             }),
             rate: info.rate,
             truth: info.truth.clone(),
@@ -138,6 +139,7 @@ impl Page {
             seconds: 0.0,
             tracked: 0,
             rows: vec![],
+            tracks: Tracks::default(),
             shown: 0,
             features: 0,
             learned: false,
@@ -150,14 +152,13 @@ impl Page {
         }
     }
 
-    /// Adds a row for a frame with a given box; returns its index.
-    pub(super) fn given(&mut self, frame: &Frame, state: &State, extent: Extent) -> usize {
+    /// Adds a row for a frame and its targets; returns its index.
+    pub(super) fn frame(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> usize {
+        targets.iter().for_each(|target| self.tracks.add(frame, target));
         let mut row = [f64::NAN; COLUMNS.len()];
         self.size = [frame.image.width(), frame.image.height()];
         row[0] = frame.index as f64 + 1.0;
         row[1] = frame.time;
-        row[2..8].copy_from_slice(&state.to_array());
-        row[8..10].copy_from_slice(&[extent.half_w, extent.half_h]);
         if let Some(Some(b)) = self.truth.get(frame.index) {
             let (x, y) = b.centre();
             row[10..14].copy_from_slice(&[x, y, b.w, b.h]);
@@ -167,27 +168,40 @@ impl Page {
         self.rows.len() - 1
     }
 
-    /// Adds a row for a tracked frame; returns its index.
-    pub(super) fn tracked(&mut self, frame: &Frame, seen: &Seen<'_>, arm: Option<usize>) -> usize {
-        let index = self.given(frame, &seen.state, seen.extent);
+    /// Returns whether there was at most one target so far: it has numbers in every frame.
+    pub(super) fn has_one(&self) -> bool {
+        self.tracks.len() < 2
+    }
+
+    /// Adds the only target to the last row.
+    pub(super) fn only(&mut self, seen: &Seen<'_>) {
+        let row = self.rows.last_mut().expect("a frame has a row");
+        row[2..8].copy_from_slice(&seen.state.to_array());
+        row[8..10].copy_from_slice(&[seen.extent.half_w, seen.extent.half_h]);
+    }
+
+    /// Adds the estimate of the only target to the last row. Without views there are no numbers of particles and gazes.
+    pub(super) fn tracked(&mut self, seen: &Seen<'_>, arm: Option<usize>) {
+        self.tracked += 1;
+        let index = self.rows.len() - 1;
+        let c = &seen.covariance;
+        let row = &mut self.rows[index];
+        row[14..19].copy_from_slice(&[c[0][0], c[0][1], c[1][1], c[0][0].sqrt(), c[1][1].sqrt()]);
+        row[21] = f64::from(u8::from(seen.is_usable()));
+        row[29..].copy_from_slice(&[seen.p_lost, f64::from(seen.status as u8), seen.localisation_noise * seen.unit()]);
+        if seen.weights.is_empty() {
+            return;
+        }
         self.particles = seen.weights.len();
         self.classes[index].extend_from_slice(seen.classes);
         if self.class_names.is_empty() {
             self.class_names = seen.class_names.to_vec();
         }
-        self.tracked += 1;
-        let (c, gaze) = (&seen.covariance, seen.plan.chosen());
+        let gaze = seen.plan.chosen();
         let low = seen.rewards.iter().copied().fold(f64::INFINITY, f64::min);
         let high = seen.rewards.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        self.rows[index][14..].copy_from_slice(&[
-            c[0][0],
-            c[0][1],
-            c[1][1],
-            c[0][0].sqrt(),
-            c[1][1].sqrt(),
-            seen.ess,
-            seen.log_evidence,
-            f64::from(u8::from(seen.is_usable())),
+        row[19..21].copy_from_slice(&[seen.ess, seen.log_evidence]);
+        row[22..29].copy_from_slice(&[
             gaze.u,
             gaze.v,
             arm.map_or(f64::NAN, |arm| arm as f64),
@@ -195,11 +209,7 @@ impl Page {
             low,
             high,
             seen.percept.distance,
-            seen.p_lost,
-            f64::from(seen.status as u8),
-            seen.localisation_noise * seen.unit(),
         ]);
-        index
     }
 
     /// Adds rewards and regrets; the log has the tracked rows.
@@ -252,27 +262,32 @@ impl Page {
         })
     }
 
-    /// Adds the tracking time.
-    pub(super) fn measure(&mut self, tracking: Duration) {
-        self.seconds = tracking.as_secs_f64();
+    /// Adds what is known at the end of the run: the tracking time, and the warnings.
+    pub(super) fn end(&mut self, info: &RunInfo) {
+        self.seconds = info.clock.total().as_secs_f64();
+        self.info["warnings"] = json!(info.warnings.all());
     }
 
     /// Returns the page.
     pub(super) fn render(&self, keys: &[&Key]) -> String {
-        let column = |i: usize| self.rows.iter().map(|row| short(row[i])).collect();
+        let rows = |i: usize| &self.rows[..if i < 2 || self.has_one() { self.rows.len() } else { 0 }];
+        let column = |i: usize| rows(i).iter().map(|row| short(row[i])).collect();
         let series: Map<String, Value> =
             COLUMNS.iter().enumerate().map(|(i, name)| ((*name).into(), Value::Array(column(i)))).collect();
-        let fps = if self.seconds > 0.0 { short(self.tracked as f64 / self.seconds) } else { Value::Null };
+        let timed = if self.has_one() { self.tracked } else { self.rows.len() };
+        let fps = if self.seconds > 0.0 { short(timed as f64 / self.seconds) } else { Value::Null };
         let statuses = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired].map(Status::name);
         let baselines: Vec<Value> = self.baselines.iter().map(|baseline| self.columns_of(baseline)).collect();
+        let last = self.rows.last().map_or(0, |row| row[0] as usize - 1);
+        let sections = if self.particles > 0 { String::new() } else { self.tracks.sections(last) };
         let data = json!({
-            "format": 2, "info": self.info, "summary": { "fps": fps }, "size": self.size, "rate": self.rate,
+            "format": 3, "info": self.info, "summary": { "fps": fps }, "size": self.size, "rate": self.rate, "tracks": self.tracks.summary(last),
             "particles": self.particles, "shown": self.shown, "features": self.features, "learned": self.learned,
             "cells": self.cells.iter().map(|v| short(*v)).collect::<Vec<_>>(), "template": self.template,
             "arms": self.arms, "surface": self.surface, "baselines": baselines, "regret": self.regret, "classes": self.classes(),
             "statuses": statuses, "series": series, "keys": keys,
         });
-        html::page(include_str!("page.html"), &self.source, &data, &SCRIPTS, &[])
+        html::page(include_str!("page.html"), &self.source, &data, &SCRIPTS, &[("tracks", sections)])
     }
 }
 
@@ -302,8 +317,11 @@ mod tests {
             Hills { mean: String::new(), mean_span: [0.0; 2], sd: String::new(), sd_span: [0.0; 2], best: None };
         let key = serde_json::to_value(Key { surface: Some(surface), ..Key::default() }).expect("JSON");
         let script = SCRIPTS.concat();
+        let target = serde_json::to_value(Drawn::new(&Seen::given([64, 48, 1], &BBox::new(4.0, 6.0, 10.0, 12.0))));
+        let target = target.expect("JSON");
         for (prefix, known, own) in [
             ("data.", &data, ""),
+            ("target.", &target, ""),
             ("series.", &data["series"], ""),
             ("info.", &data["info"], ""),
             ("key.", &key, "cloud"),

@@ -90,7 +90,9 @@ const film = arms.length > 1 && {
 };
 byId('film').closest('.card').hidden = !film;
 document.querySelector('.where').hidden = fixed;
-document.querySelector('main').classList.toggle('fixed', fixed);
+document.querySelector('main').classList.toggle('fixed', fixed && viewed);
+document.querySelector('main').classList.toggle('wide', !viewed);
+document.querySelector('.fovea').hidden = !viewed;
 if (film) {
   const plot = element('div', { class: 'plot' }, film.canvas);
   byId('film').append(plot);

@@ -5,10 +5,9 @@ const layers = [
   ...(series.true_x.some(x => x !== null) ? [{ key: 't', name: 'truth', label: 'truth', dot: '#3fd19b' }] : []),
   ...data.baselines.map(({ name }, i) => ({ key: 'fr'[i], name: `baseline${i}`, label: name, dot: BASELINES[i] })),
   { key: 'h', name: 'path', label: 'path', dot: '#39b6ff' },
-  { key: 'p', name: 'particles', label: 'particles', dot: '#e0528f' },
-  { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#9aa4ad' },
+  ...(viewed ? [{ key: 'p', name: 'particles', label: 'particles', dot: '#e0528f' }, { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#9aa4ad' }] : []),
   { key: 'g', name: 'fixation', label: 'gaze', dot: '#ffb627' },
-  { key: 'z', name: 'zoom', label: 'close up' },
+  ...(viewed ? [{ key: 'z', name: 'zoom', label: 'close up' }] : []),
 ];
 const shown = {};
 for (const layer of layers) {
@@ -26,7 +25,7 @@ const still = k => stills[k] ||= (image => { image.onload = () => { if (k === no
 // The close-up stands in the corner that is farthest from the target, and moves only when the target comes near.
 const aspect = frameWidth / frameHeight, INSET = .31;
 const small = keys.some(key => 2 * Math.exp(series.log_scale[key.row]) * Math.max(series.half_w[key.row] / frameWidth, series.half_h[key.row] / frameHeight) < .3);
-if (!small) { shown.zoom = false; layers.find(l => l.name === 'zoom').box.checked = false; }
+if (viewed && !small) { shown.zoom = false; layers.find(l => l.name === 'zoom').box.checked = false; }
 const corners = [];
 keys.reduce((corner, { row }) => {
   const [x, y] = [(series.x[row] + .5) / frameWidth, (series.y[row] + .5) / frameHeight];
@@ -59,7 +58,7 @@ function drawStage() {
     c.strokeStyle = 'rgb(255 255 255 / .8)'; c.lineWidth = 1.4; c.stroke();
   }
   if (series.status[row]) banner(c, data.statuses[series.status[row]], width, isGuess(row) ? undefined : 'rgb(0 110 75 / .92)');
-  else if (series.ess[row] === null) banner(c, 'box given', width, 'rgb(0 95 155 / .92)');
+  else if (viewed && series.ess[row] === null) banner(c, 'box given', width, 'rgb(0 95 155 / .92)');
   canvas.setAttribute('aria-label', describe(row));
 }
 
@@ -84,14 +83,17 @@ function drawView(c, key, view, box) {
   }
   c.lineJoin = c.lineCap = 'round';
   const drawn = penOf(c, .55), { cased, outline } = drawn;
-  const lost = isGuess(row);
   if (shown.particles && key.particles) drawCloud(c, key, [frameWidth, frameHeight], at, k);
   if (shown.path) {
-    for (let r = Math.max(1, row - 60); r <= row; r++) {
-      if (series.x[r] === null || series.x[r - 1] === null) continue;
-      c.beginPath(); c.moveTo(...at(series.x[r - 1], series.y[r - 1])); c.lineTo(...at(series.x[r], series.y[r]));
-      c.strokeStyle = `rgb(57 182 255 / ${.85 * (1 - (row - r) / 60)})`; c.lineWidth = 1.8; c.stroke();
+    for (let i = now; i > 0 && row - keys[i].row < 60; i--) for (const { id, colour, at: end } of keys[i].targets) {
+      const start = keys[i - 1].targets.find(before => before.id === id)?.at;
+      if (!start) continue;
+      c.beginPath();
+      for (const p of [start, end]) c.lineTo(...at((p[0] + p[4]) / 2, (p[1] + p[5]) / 2));
+      c.globalAlpha = .85 * (1 - (row - keys[i].row) / 60);
+      c.strokeStyle = colour; c.lineWidth = 1.8; c.stroke();
     }
+    c.globalAlpha = 1;
   }
   if (shown.truth && series.true_x[row] !== null) {
     const [x, y] = at(series.true_x[row] - series.true_w[row] / 2, series.true_y[row] - series.true_h[row] / 2);
@@ -102,20 +104,33 @@ function drawView(c, key, view, box) {
     const [left, top] = at(x[row] - w[row] / 2, y[row] - h[row] / 2);
     cased(() => c.rect(left, top, k * w[row], k * h[row]), BASELINES[i], 2);
   });
-  if (shown.box) {
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => fixate(row, u, v)).map(f => at(f.x, f.y));
-    cased(outline(corners), lost ? '#ff8a4a' : '#39b6ff', 2, lost ? [7, 6] : []);
-  }
+  if (shown.box) for (const target of key.targets) drawTarget(c, target, at, drawn);
   if (shown.ellipse && series.cov_xx[row] !== null) {
     const noise = series.localisation_noise[row] ** 2, [a, b, d] = [series.cov_xx[row] + noise, series.cov_xy[row], series.cov_yy[row] + noise];
     const middle = (a + d) / 2, apart = Math.hypot((a - d) / 2, b), turn = .5 * Math.atan2(2 * b, a - d);
     const [r1, r2] = [middle + apart, middle - apart].map(v => Math.sqrt(-2 * Math.log(.1)) * k * Math.sqrt(Math.max(v, 0)));
     cased(() => c.ellipse(...at(series.x[row], series.y[row]), r1, r2, turn, 0, 7), '#ffffff', 1.2, [3, 4]);
   }
-  if (shown.fixation && series.u[row] !== null) {
+  if (shown.fixation && !viewed) for (const target of key.targets) drawn.cross(...at(target.at[8], target.at[9]), 5, target.colour);
+  if (shown.fixation && viewed && series.u[row] !== null) {
     for (const [u, v] of key.also || []) drawFixation(c, row, u, v, at, drawn, false);
     drawFixation(c, row, series.u[row], series.v[row], at, drawn, true);
   }
+}
+
+// The box of a target, its corners alone if it is occluded or lost; its name, if there may be others.
+function drawTarget(c, target, at, { cased, outline }) {
+  const corners = [0, 2, 4, 6].map(i => at(target.at[i], target.at[i + 1]));
+  cased(target.corners ? () => corners.forEach(([x, y], i) => {
+    const [[ax, ay], [bx, by]] = [corners[(i + 3) % 4], corners[(i + 1) % 4]];
+    c.moveTo(x + .2 * (ax - x), y + .2 * (ay - y)); c.lineTo(x, y); c.lineTo(x + .2 * (bx - x), y + .2 * (by - y));
+  }) : outline(corners), target.colour, 2);
+  if (viewed) return;
+  c.font = '600 13px system-ui, "DejaVu Sans", sans-serif'; c.textBaseline = 'alphabetic'; c.textAlign = 'left';
+  const [left, top] = [0, 1].map(axis => Math.min(...corners.map(corner => corner[axis]))), wide = c.measureText(target.name).width + 8;
+  const [x, y] = [Math.max(0, Math.min(left, c.canvas.clientWidth - wide)), top > 22 ? top - 20 : top + 4];
+  c.fillStyle = 'rgb(0 0 0 / .6)'; c.fillRect(x, y, wide, 17);
+  c.fillStyle = target.colour; c.fillText(target.name, x + 4, y + 13);
 }
 
 // A cross at the gaze; around the chosen one the windows of the retina.
@@ -138,5 +153,5 @@ function banner(c, text, width, ground = 'rgb(194 74 0 / .94)') {
   c.fillText(text, width / 2, 23);
 }
 
-const describe = row => `Frame ${series.frame[row]}: target at ${say(series.x[row])}, ${say(series.y[row])} px` +
+const describe = row => !viewed ? `Frame ${series.frame[row]}: ${counted(keys[now].targets.length, 'target')}` : `Frame ${series.frame[row]}: target at ${say(series.x[row])}, ${say(series.y[row])} px` +
   (series.ess[row] === null ? ', box given' : `, gaze at ${say(series.u[row], 2)}, ${say(series.v[row], 2)}${series.status[row] ? `, ${data.statuses[series.status[row]]}` : ''}`);

@@ -7,7 +7,7 @@ use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::{
-    Boxes, Film, MotFile, MultiReport, Observer, Report, RunInfo, SurfacePicture, Table, TargetsTable, Trace,
+    Boxes, Film, MotFile, Observer, Report, RunInfo, SurfacePicture, Table, TargetsTable, Trace,
     TracksTable,
 };
 use foveate::sink::Sink;
@@ -80,12 +80,7 @@ impl Outputs {
             observers.push(first(&["annotated.mp4"], Box::new(film?)));
         }
         if self.report {
-            let (path, info) = (at("report.html"), info.clone());
-            let report: Box<dyn Observer> = match self.many {
-                true => Box::new(MultiReport::create(path, info)?),
-                false => Box::new(Report::create(path, info)?),
-            };
-            observers.push(first(&["report.html"], report));
+            observers.push(first(&["report.html"], Box::new(Report::create(at("report.html"), info.clone())?)));
         }
         if self.surface {
             observers.push(first(&["surface.png"], Box::new(SurfacePicture::create(at("surface.png"), info.clone())?)));

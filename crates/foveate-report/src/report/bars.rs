@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::Track;
+use super::tracks::Track;
 use crate::multi::colour;
 use foveate_core::multi::Phase;
 

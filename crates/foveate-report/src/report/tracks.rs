@@ -1,0 +1,140 @@
+//! The tracks of a page: as bars over time, as a table with the template of each, and as the replay draws them.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::bars::bars;
+use super::html::{self, Template};
+use crate::draw::CORNERS;
+use crate::multi::{colour, is_occluded_or_lost, name};
+use crate::template::Crop;
+use foveate_core::Seen;
+use foveate_core::geometry::Gaze;
+use foveate_core::multi::Phase;
+use foveate_video::Frame;
+
+/// Maximum number of targets with a bar and a row of the table; the longest tracks come first.
+const MOST_TRACKS: usize = 300;
+
+/// All targets of a run, by id.
+#[derive(Default)]
+pub(super) struct Tracks(BTreeMap<u64, Track>);
+
+/// One target over time; frames count from 0.
+pub(super) struct Track {
+    /// Phase, first and last frame. Initiation and re-identification are single moments: their span is a tracked one.
+    pub spans: Vec<(Phase, usize, usize)>,
+    /// The target in its first frame, as a JPEG in base64.
+    template: String,
+    class: Option<(usize, f64)>,
+    /// Minimum and maximum size relative to the first frame.
+    scale: (f64, f64),
+    reidentified: usize,
+}
+
+/// A target as the replay draws it.
+#[derive(Serialize)]
+pub(super) struct Drawn {
+    id: u64,
+    name: String,
+    colour: String,
+    /// Whether only the corners of its box are drawn.
+    corners: bool,
+    /// x and y of the four corners, then of the gaze.
+    at: Vec<Value>,
+}
+
+impl Tracks {
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Adds a target of a frame.
+    pub(super) fn add(&mut self, frame: &Frame, target: &Seen<'_>) {
+        let (at, scale) = (frame.index, target.state.log_scale.exp());
+        let track = self.0.entry(target.id).or_insert_with(|| Track {
+            spans: vec![],
+            template: Template::new(&Crop::around(&frame.image, &target.bbox).closer(1.1)).jpeg,
+            class: None,
+            scale: (scale, scale),
+            reidentified: 0,
+        });
+        let again = target.phase == Phase::ReIdentified;
+        track.class = target.class.or(track.class);
+        track.scale = (track.scale.0.min(scale), track.scale.1.max(scale));
+        track.reidentified += usize::from(again);
+        let phase = if again || target.phase == Phase::Initiated { Phase::Tracked } else { target.phase };
+        match track.spans.last_mut() {
+            Some((last, _, to)) if *last == phase && *to + 1 == at && !again => *to = at,
+            _ => track.spans.push((phase, at, at)),
+        }
+    }
+
+    /// Returns the numbers of targets, of the most active at a time, and of re-identifications.
+    pub(super) fn summary(&self, last: usize) -> Value {
+        let active = |t: usize| self.0.values().filter(|track| track.at(t)).count();
+        let most = (0..=last).map(active).max().unwrap_or(0);
+        let reidentified: usize = self.0.values().map(|track| track.reidentified).sum();
+        json!({ "targets": self.0.len(), "most": most, "reidentified": reidentified })
+    }
+
+    /// Returns the bars and the table, for frames 0 to `last`.
+    pub(super) fn sections(&self, last: usize) -> String {
+        let mut all: Vec<(u64, &Track)> = self.0.iter().map(|(id, track)| (*id, track)).collect();
+        all.sort_by_key(|(_, track)| std::cmp::Reverse(track.frames()));
+        let left_out = all.len().saturating_sub(MOST_TRACKS);
+        all.truncate(MOST_TRACKS);
+        all.sort_by_key(|(id, _)| *id);
+        let more = if left_out > 0 { format!("{left_out} short tracks are left out.") } else { String::new() };
+        let rows = all.iter().map(|(id, track)| track.row(*id)).collect();
+        html::fill(include_str!("tracks.html"), &[("more", more), ("bars", bars(&all, last)), ("rows", rows)])
+    }
+}
+
+impl Track {
+    fn at(&self, frame: usize) -> bool {
+        self.spans.iter().any(|(_, from, to)| (*from..=*to).contains(&frame))
+    }
+    fn frames(&self) -> usize {
+        self.spans.iter().map(|(_, from, to)| to + 1 - from).sum()
+    }
+    fn in_phase(&self, phase: Phase) -> usize {
+        self.spans.iter().filter(|span| span.0 == phase).map(|(_, from, to)| to + 1 - from).sum()
+    }
+    /// Returns the target's row of the table.
+    fn row(&self, id: u64) -> String {
+        let [r, g, b] = colour(id);
+        let (first, last) = (self.spans.first().map_or(0, |span| span.1), self.spans.last().map_or(0, |span| span.2));
+        let cells = [
+            format!("<i class=\"dot\" style=\"background:rgb({r} {g} {b})\"></i>id {id}"),
+            format!("<img src=\"data:image/jpeg;base64,{}\" alt=\"Template of target {id}\">", self.template),
+            self.class.map_or("–".into(), |(class, p)| format!("{class} ({:.0} %)", 100.0 * p)),
+            (first + 1).to_string(),
+            (last + 1).to_string(),
+            self.frames().to_string(),
+            self.in_phase(Phase::Occluded).to_string(),
+            self.in_phase(Phase::Lost).to_string(),
+            self.reidentified.to_string(),
+            format!("{:.2} to {:.2}", self.scale.0, self.scale.1),
+        ];
+        format!("<tr>{}</tr>\n", cells.map(|text| format!("<td>{text}</td>")).concat())
+    }
+}
+
+impl Drawn {
+    pub(super) fn new(target: &Seen<'_>) -> Self {
+        let f = target.state.fixate(Gaze::CENTRE, target.extent);
+        let gaze = target.state.fixate(target.gaze, target.extent);
+        let corners = CORNERS.into_iter().flat_map(|(u, v)| [f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy]);
+        let [r, g, b] = colour(target.id);
+        Self {
+            id: target.id,
+            name: name(target),
+            colour: format!("rgb({r} {g} {b})"),
+            corners: is_occluded_or_lost(target.phase),
+            at: corners.chain([gaze.x, gaze.y]).map(html::short).collect(),
+        }
+    }
+}
