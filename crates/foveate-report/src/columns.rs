@@ -235,6 +235,7 @@ pub const TRACKS: &[Column] = &[
     SD_X,
     SD_Y,
     DEFICIT,
+    Column::new("p_lost", "", P_LOST),
     Column::new("visible", "", "Share of the target that no other target covers, 0 to 1."),
     Column::new("waited", "frames", "Frames since the last look at it; 0 if it was in this frame."),
     Column::new("detected", "", "1 if a detection was assigned to it in this frame, else 0."),

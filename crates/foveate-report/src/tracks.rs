@@ -89,7 +89,13 @@ impl Observer for TracksTable {
                 row.put(target.phase.name());
                 row.put_all(&[b.x, b.y, b.w, b.h]);
                 row.put_all(&target.state.to_array());
-                row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), target.consistency.deficit, target.visible]);
+                row.put_all(&[
+                    c[0][0].sqrt(),
+                    c[1][1].sqrt(),
+                    target.consistency.deficit,
+                    target.p_lost,
+                    target.visible,
+                ]);
                 row.put(target.waited);
                 row.put(u8::from(target.detection.is_some()));
                 put_number(row, target.detection_index);

@@ -95,11 +95,12 @@ fn many_targets_have_the_boxes_of_the_program() {
                 target.state.x,
                 target.state.y,
                 target.consistency.deficit,
+                target.p_lost,
             ]);
         }
     }
     assert!(ours.len() > FRAMES / 2, "the detections start a track");
-    let theirs = columns(&place.path().join("multi/tracks.csv"), &["frame", "id", "x", "y", "deficit"]);
+    let theirs = columns(&place.path().join("multi/tracks.csv"), &["frame", "id", "x", "y", "deficit", "p_lost"]);
     let ours: Vec<Vec<f64>> = ours.iter().map(|row| row.to_vec()).collect();
     assert_eq!(ours, theirs);
 }

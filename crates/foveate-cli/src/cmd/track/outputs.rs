@@ -7,8 +7,7 @@ use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::{
-    Boxes, Film, MotFile, Observer, Report, RunInfo, SurfacePicture, Table, TargetsTable, Trace,
-    TracksTable,
+    Boxes, Film, MotFile, Observer, Report, RunInfo, SurfacePicture, Table, TargetsTable, Trace, TracksTable,
 };
 use foveate::sink::Sink;
 use foveate::video::{SourceInfo, without_password};
