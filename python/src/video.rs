@@ -74,7 +74,9 @@ impl Reading {
             let stop = move || {
                 let raised = Python::attach(|py| py.check_signals()).err();
                 let stop = raised.is_some();
-                raised.into_iter().for_each(|error| *held(&signal) = Some(error));
+                if let Some(error) = raised {
+                    *held(&signal) = Some(error);
+                }
                 stop
             };
             let (source, meter) = newest(Box::new(Live::open(path, LiveOptions::default())?), Pace::default(), stop);

@@ -149,7 +149,9 @@ impl Recognition {
         self.own.iter_mut().zip(&self.log_p).for_each(|(p, q)| *p = q.exp());
         self.accumulator.add(&self.log_p);
         self.accumulator.posterior(&mut self.classes);
-        self.alarm.iter_mut().for_each(|alarm| alarm.hear(&self.log_p, context));
+        if let Some(alarm) = &mut self.alarm {
+            alarm.hear(&self.log_p, context);
+        }
     }
 
     /// Returns the result of all looks so far.
@@ -165,7 +167,9 @@ impl Recognition {
         self.recognizer.reset();
         self.policy.reset();
         self.accumulator.reset();
-        self.alarm.iter_mut().for_each(Alarm::reset);
+        if let Some(alarm) = &mut self.alarm {
+            alarm.reset();
+        }
         let alike = 1.0 / self.classes.len() as f64;
         self.classes.fill(alike);
         self.own.fill(alike);

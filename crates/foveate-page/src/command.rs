@@ -19,8 +19,12 @@ pub fn command(path: &Path, given: &[(usize, BBox)], config: &str, policy: Optio
     if config != Profile::Balanced.name() {
         line += &format!(" --config {}", quoted(config));
     }
-    policy.into_iter().for_each(|policy| line += &format!(" --policy {policy}"));
-    seed.into_iter().for_each(|seed| line += &format!(" --seed {seed}"));
+    if let Some(policy) = policy {
+        line += &format!(" --policy {policy}");
+    }
+    if let Some(seed) = seed {
+        line += &format!(" --seed {seed}");
+    }
     line
 }
 

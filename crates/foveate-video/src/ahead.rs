@@ -64,7 +64,9 @@ impl Iterator for Ahead {
 impl Drop for Ahead {
     /// A read that blocks would keep the source, and its ffmpeg, for ever.
     fn drop(&mut self) {
-        self.interrupt.iter().for_each(|interrupt| interrupt());
+        if let Some(interrupt) = &self.interrupt {
+            interrupt();
+        }
     }
 }
 

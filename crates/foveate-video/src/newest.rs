@@ -163,7 +163,9 @@ impl FrameSource for Newest {
 impl Drop for Newest {
     fn drop(&mut self) {
         self.shared.gone.store(true, Ordering::Relaxed);
-        self.interrupt.iter().for_each(|interrupt| interrupt());
+        if let Some(interrupt) = &self.interrupt {
+            interrupt();
+        }
     }
 }
 

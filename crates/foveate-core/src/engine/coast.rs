@@ -15,7 +15,9 @@ impl Engine {
             // A single state always moves with the camera.
             CameraMotion { share: 1.0, ..*camera_motion }.shift(flow, std::slice::from_mut(also));
         }
-        self.second.iter_mut().for_each(|second| second.compensate(flow, &mut State::default()));
+        if let Some(second) = &mut self.second {
+            second.compensate(flow, &mut State::default());
+        }
     }
 
     /// Returns whether a frame without a look needs none of the particles, and so no buffers.

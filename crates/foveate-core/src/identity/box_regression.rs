@@ -162,7 +162,9 @@ impl BoxRegression {
 
     /// Adds the values read since the last call.
     pub fn measure(&mut self, meter: &mut Meter) {
-        self.glimpse.read.take().into_iter().for_each(|read| meter.add(read));
+        if let Some(read) = self.glimpse.read.take() {
+            meter.add(read);
+        }
     }
 
     /// The template and the running means, as plain data; `None` without a template.

@@ -188,7 +188,9 @@ impl Discriminant {
         }
         recent.learn(learning, n, regression.settings.fading());
         regression.solve(begun, recent, weights, learning, STEPS.1);
-        short_term.iter_mut().for_each(|it| it.learn_too(regression, begun, learning));
+        if let Some(short_term) = short_term {
+            short_term.learn_too(regression, begun, learning);
+        }
     }
 }
 

@@ -256,14 +256,18 @@ impl Appearance for GazeAppearance {
         self.recenter(Gaze::CENTRE);
         let (origin, size) = ((0, 0), (image.width(), image.height()));
         self.keep(Template { image: image.clone(), origin, size, state: *state, extent, sharpness: 1.0 });
-        self.colour.iter_mut().for_each(|colour| colour.init(image, state, extent));
+        if let Some(colour) = &mut self.colour {
+            colour.init(image, state, extent);
+        }
         self.init_reference(image, state, extent, streams)
     }
 
     fn prepare(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
-        self.dense.iter_mut().for_each(|dense| dense.of = None);
+        if let Some(dense) = &mut self.dense {
+            dense.of = None;
+        }
         let kept = self.kept.as_ref().expect("a template is kept before the first look");
         let Buffers { views, dimmed, .. } = &mut self.buffers;
         let image = dim(image, &kept.image, self.discounting_background, dimmed);

@@ -17,7 +17,9 @@ impl Discriminant {
 
     /// Resets the short-term memory.
     pub fn forget(&mut self) {
-        self.short_term.iter_mut().for_each(Recent::forget);
+        if let Some(short_term) = &mut self.short_term {
+            short_term.forget();
+        }
     }
 
     /// Forgets all that was learned since the first frame.
@@ -38,7 +40,9 @@ impl Discriminant {
 
     /// Whether distances ignore the short-term memory.
     pub(in crate::identity) fn set_aside(&mut self, aside: bool) {
-        self.short_term.iter_mut().for_each(|it| it.aside = aside);
+        if let Some(short_term) = &mut self.short_term {
+            short_term.aside = aside;
+        }
     }
 
     /// The weights that distances are of.

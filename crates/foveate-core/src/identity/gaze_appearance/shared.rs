@@ -42,7 +42,9 @@ impl GazeAppearance {
     /// Where gazes stay at the centre, one row of features is all that is read of the template. Where the background is not
     /// discounted, nothing is read of the picture far from the target.
     pub(super) fn free(&mut self) {
-        self.discriminant.iter_mut().for_each(Discriminant::compact);
+        if let Some(discriminant) = &mut self.discriminant {
+            discriminant.compact();
+        }
         let Some(kept) = &mut self.kept else { return };
         if kept.is_whole() && self.discounting_background <= 0.0 {
             let used = self.template.get_or_insert_with(|| kept.pyramid(&*self.retina)).used();
