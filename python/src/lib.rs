@@ -3,6 +3,7 @@
 //! It adds no algorithm: arguments are read, errors become exceptions, and the work is the crate `foveate`'s, without the
 //! interpreter's lock.
 #![forbid(unsafe_code)]
+#![allow(missing_debug_implementations)] // Rust code never holds these types; Python reads their `__repr__`
 
 mod bandits;
 mod draw;

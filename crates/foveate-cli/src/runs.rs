@@ -25,6 +25,7 @@ use crate::terminal;
 const REPORT: Duration = Duration::from_secs(30);
 
 /// A checked configuration.
+#[derive(Debug)]
 pub struct Entry {
     /// The parts of the configuration.
     pub blueprint: Blueprint,

@@ -21,6 +21,7 @@ const CONFIDENT: f64 = 0.3;
 const KNOWN: f64 = 0.9;
 
 /// The posterior of the target's class, and the deficit.
+#[derive(Debug)]
 pub(crate) struct Alarm {
     accumulator: Accumulator,
     /// b(c).

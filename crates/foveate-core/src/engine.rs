@@ -63,6 +63,8 @@ pub struct Parts {
     pub second_opinion: Option<Box<Parts>>,
 }
 
+foveate_base::opaque_debug!(Parts);
+
 impl Parts {
     /// Combines these parts, without a recogniser, box regression or second tracker.
     pub fn new(filter: Filter, gaze: GazeControl, appearance: Box<dyn Appearance>, monitor: Monitor) -> Self {

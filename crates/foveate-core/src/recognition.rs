@@ -40,6 +40,8 @@ pub struct Recognition {
     classes: Vec<f64>,
 }
 
+foveate_base::opaque_debug!(Recognition);
+
 /// The recognised class, as in [`crate::seen::Seen`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recognized<'a> {

@@ -25,7 +25,7 @@ pub enum Precision {
 }
 
 /// Weights W (n_v × n_h) in the order in which the kernels read them.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct PackedWeights {
     n_v: usize,
     n_h: usize,

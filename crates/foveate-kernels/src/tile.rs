@@ -11,7 +11,7 @@ pub(crate) const TILE: usize = 64;
 pub(crate) const BLOCK: usize = 6;
 
 /// 16 words, as wide and as aligned as the widest register.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Line(pub [u32; 16]);
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 /// A message that every host answers. Boxes are left, top, width and height in pixels.
-#[derive(Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(tag = "op", rename_all = "snake_case", deny_unknown_fields)]
 #[allow(missing_docs)] // each field is explained by its variant
 pub enum Message {
@@ -93,6 +93,7 @@ pub fn boxed<'de, D: Deserializer<'de>>(numbers: D) -> std::result::Result<BBox,
 }
 
 /// A message of every host's page, or a message `O` of one host.
+#[derive(Debug)]
 pub enum Asked<O> {
     /// Answered by [`Page::act`](crate::Page::act).
     Page(Message),

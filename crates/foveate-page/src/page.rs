@@ -20,6 +20,8 @@ pub struct Page<H: Host> {
     sessions: Mutex<Sessions<H>>,
 }
 
+foveate_base::opaque_debug!(Page<H: Host>);
+
 /// Open videos, most recently used last.
 struct Sessions<H: Host> {
     open: Vec<(u64, Arc<Mutex<Session<H>>>)>,

@@ -86,6 +86,8 @@ pub struct Player<V> {
     remarks: Remarks,
 }
 
+foveate_base::opaque_debug!(Player<V>);
+
 impl<V: Reopen> Player<V> {
     /// Creates a player of a video, which is not opened yet.
     pub fn new(video: V) -> Self {

@@ -12,7 +12,7 @@ use foveate_video::{Frame, Meter};
 pub(crate) const RECENT: usize = 8;
 
 /// The most recent frames; clones share them.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Recent {
     shared: Arc<Mutex<Kept>>,
     size: (usize, usize),
@@ -20,7 +20,7 @@ pub struct Recent {
     pub meter: Meter,
 }
 
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Kept {
     frames: VecDeque<Arc<Frame>>,
     count: usize,

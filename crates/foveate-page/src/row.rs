@@ -118,7 +118,7 @@ pub fn detail(frame: usize, seen: &Seen<'_>) -> String {
 }
 
 /// A reward surface: mean reward on points from −reach to reach, row by row from the top.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Surface {
     side: usize,
     reach: f64,

@@ -19,7 +19,7 @@ use crate::tracking::Tracking;
 const FRAMES: usize = 10;
 
 /// A complete result.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub enum Made {
     /// In memory.
     Bytes(Arc<[u8]>),

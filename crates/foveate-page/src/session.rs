@@ -38,6 +38,8 @@ pub enum Source<V> {
     Live(Recent, Option<Pull>),
 }
 
+foveate_base::opaque_debug!(Source<V>);
+
 /// An open video.
 pub struct Session<H: Host> {
     /// The description of the source.
@@ -51,6 +53,8 @@ pub struct Session<H: Host> {
     /// One for each target, after the page requested results.
     saving: Option<Vec<Saving>>,
 }
+
+foveate_base::opaque_debug!(Session<H: Host>);
 
 /// Fails if frames are too large for a page.
 ///

@@ -24,7 +24,7 @@ const RECENT_DETAILS: usize = 1 << 18;
 const EVERY: usize = 50;
 
 /// The tracking setup.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Setup {
     /// The checked configuration.
     pub blueprint: Blueprint,

@@ -59,6 +59,7 @@ impl Path {
 }
 
 /// Draws the frames of a run with one target, in order.
+#[derive(Debug)]
 pub struct Annotator {
     eye: Option<Eye>,
     /// Half the sides of the retina's windows, in template units, innermost first.

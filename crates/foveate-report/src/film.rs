@@ -18,6 +18,7 @@ use foveate_video::{Frame, Mp4Writer};
 const USUAL_RATE: f64 = 30.0;
 
 /// A video being written; the first picture determines its size.
+#[derive(Debug)]
 struct Video {
     path: PathBuf,
     /// Set if the video is written to memory instead of a file.
@@ -70,6 +71,8 @@ pub struct Film {
     draw: Draw,
 }
 
+foveate_base::opaque_debug!(Film);
+
 impl Film {
     /// Creates an observer that writes `path`, an MP4 file with H.264, of a run with one target.
     ///
@@ -113,6 +116,7 @@ impl Observer for Film {
 }
 
 /// annotated.mp4 of several trackers on the same frames: the run's own on the left, and the others, which it drives, to the right.
+#[derive(Debug)]
 pub struct SideBySide {
     video: Video,
     annotators: Vec<Annotator>,

@@ -196,6 +196,8 @@ pub struct RunInfo {
     pub shadow: Vec<Gaze>,
 }
 
+foveate_base::opaque_debug!(RunInfo);
+
 impl RunInfo {
     /// Creates the description of a run on this source with this named configuration; optional data are left out.
     pub fn of(source: String, about: &SourceInfo, config_name: String, blueprint: &Blueprint, seed: u64) -> Self {

@@ -47,6 +47,8 @@ pub struct Report {
     first: Option<FirstFrame>,
 }
 
+foveate_base::opaque_debug!(Report);
+
 impl Report {
     /// Starts the file.
     ///

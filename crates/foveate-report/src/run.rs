@@ -60,6 +60,8 @@ pub struct RunPlan<'a> {
     pub progress: Option<&'a mut dyn FnMut(&Frame)>,
 }
 
+foveate_base::opaque_debug!(RunPlan<'a>);
+
 impl Default for RunPlan<'_> {
     /// All frames, without a box.
     fn default() -> Self {
@@ -81,6 +83,7 @@ impl Default for RunPlan<'_> {
 }
 
 /// The tracker of a run.
+#[derive(Debug)]
 pub enum AnyTracker<'a> {
     /// A tracker of one target.
     One(&'a mut Tracker),

@@ -25,6 +25,7 @@ const MOST_FIXATIONS: usize = 400;
 /// probabilities of its gazes.
 ///
 /// A policy with a single gaze has nothing to show ([`SurfacePicture::shows`]): its run writes no file.
+#[derive(Debug)]
 pub struct SurfacePicture {
     info: RunInfo,
     /// `None` once it is finished.

@@ -39,6 +39,8 @@ pub struct Stream {
     many: bool,
 }
 
+foveate_base::opaque_debug!(Stream);
+
 #[derive(Serialize)]
 struct One<'a> {
     frame: usize,

@@ -29,6 +29,7 @@ const GAP: f64 = 8.0;
 const LETTER: f64 = 10.0;
 
 /// A film strip of one target: stills of some frames with the true box, the estimate and the gaze. It writes no file.
+#[derive(Debug)]
 pub struct Strip {
     at: Vec<usize>,
     truth: Vec<Option<BBox>>,
@@ -118,6 +119,7 @@ impl Observer for Strip {
 }
 
 /// A film strip of many targets: chosen frames as [`MultiAnnotator`] draws them, in rows below a title, as a PNG.
+#[derive(Debug)]
 pub struct MultiStrip {
     path: PathBuf,
     title: String,

@@ -67,6 +67,7 @@ impl Crop {
 }
 
 /// The first frame, as a retina reads it.
+#[derive(Debug)]
 pub(super) struct FirstFrame {
     pyramid: Pyramid,
     state: State,

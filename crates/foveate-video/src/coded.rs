@@ -15,6 +15,8 @@ pub struct CodedVideo {
     mp4: Mp4,
 }
 
+foveate_base::opaque_debug!(CodedVideo);
+
 /// A coded frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CodedFrame {

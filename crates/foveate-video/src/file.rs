@@ -29,6 +29,8 @@ pub struct VideoFile {
     next: usize,
 }
 
+foveate_base::opaque_debug!(VideoFile);
+
 enum Reader {
     Mp4(Box<Mp4>),
     Ffmpeg(Box<Ffmpeg>),

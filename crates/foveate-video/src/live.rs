@@ -27,6 +27,8 @@ pub struct Live {
     reconnections: Arc<AtomicU64>,
 }
 
+foveate_base::opaque_debug!(Live);
+
 enum Source {
     Stream(Box<Connection>),
     File(Box<VideoFile>),

@@ -31,6 +31,7 @@ const AT_A_TIME: usize = 4;
 const MAX_BLOCKS: usize = 139_264;
 
 /// A video in the making; dropped before [`finish`](Self::finish), it leaves no file.
+#[derive(Debug)]
 pub struct Mp4Writer {
     sink: Sink,
     /// Sides as given; the video's are even.
@@ -52,6 +53,7 @@ pub struct Mp4Writer {
 }
 
 /// What became of a group of pictures.
+#[derive(Debug)]
 struct Group {
     quantiser: u8,
     frames: usize,
@@ -59,6 +61,7 @@ struct Group {
 }
 
 /// A group that is being encoded or is done; without threads it is done at once.
+#[derive(Debug)]
 enum Coding {
     Thread(JoinHandle<Coded>),
     Done(Coded),

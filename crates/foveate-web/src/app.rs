@@ -37,6 +37,7 @@ enum Own {
 }
 
 /// The state of the page.
+#[derive(Debug)]
 pub struct App {
     page: Page<Browser>,
 }

@@ -21,6 +21,7 @@ pub trait Store: Send + Sync {
 }
 
 /// Files of the file system, numbered from 0.
+#[derive(Debug)]
 pub struct Paths(pub Vec<PathBuf>);
 
 impl Store for Paths {

@@ -24,6 +24,12 @@ pub struct Video<'a> {
     pub picture: Box<dyn Fn(usize) -> Result<Image> + 'a>,
 }
 
+impl std::fmt::Debug for Video<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Video").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
 impl Video<'_> {
     /// Returns the video from its end to its beginning, under the same name.
     pub fn backwards(&self) -> Video<'_> {

@@ -12,7 +12,7 @@ use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
 /// There is none.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) enum Network {}
 
 pub(super) fn first_layer(

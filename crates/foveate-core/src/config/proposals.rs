@@ -82,7 +82,7 @@ impl DetectorConfig {
 }
 
 /// A detector whose model is read: as many as there are videos can be made of it.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct DetectorParts {
     config: DetectorConfig,
     network: Option<Network>,

@@ -95,7 +95,7 @@ impl Mixing {
 
 /// The mixture. It needs more of the dynamics than draws: the law of the place alone, and of the velocity given the place.
 /// Both are normal laws: dynamics of heavy tails have none, and a configuration with both is refused.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Mixture {
     mixing: Mixing,
     given: Autoregressive,

@@ -44,6 +44,8 @@ pub struct Prior {
     clamp_to_frame: bool,
 }
 
+foveate_base::opaque_debug!(Prior);
+
 impl Prior {
     /// Proposes from these dynamics; their lengths are pixels until `size` is called.
     pub fn new(dynamics: Arc<dyn Dynamics>) -> Self {

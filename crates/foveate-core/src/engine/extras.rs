@@ -11,7 +11,7 @@ use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
 
 /// The recogniser and the box regression of a tracker; both are optional.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct Extras {
     /// p(cₜ | all looks at the estimate).
     pub recognition: Option<Recognition>,

@@ -32,6 +32,8 @@ pub struct Filter {
     pub(super) waiting: Option<Waiting>,
 }
 
+foveate_base::opaque_debug!(Filter);
+
 /// The postponed frames of motion, and the belief meanwhile.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Waiting {

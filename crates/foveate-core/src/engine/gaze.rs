@@ -23,6 +23,8 @@ pub struct GazeControl {
     pub(super) reward: Box<dyn Reward>,
 }
 
+foveate_base::opaque_debug!(GazeControl);
+
 impl GazeControl {
     /// Combines a policy and its reward.
     pub fn new(policy: Box<dyn Policy>, reward: Box<dyn Reward>) -> Self {

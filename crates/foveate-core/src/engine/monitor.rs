@@ -18,6 +18,7 @@ const CERTAIN: f64 = 0.05;
 const REMEMBERED_EVERY: u64 = 8;
 
 /// Monitors the evidence and computes P(lost) from it.
+#[derive(Debug)]
 pub struct Monitor {
     /// Compares the evidence with the reference.
     pub(super) consistency: ConsistencyMonitor,
@@ -32,6 +33,7 @@ pub struct Monitor {
 }
 
 /// Decides which frames update the short-term memory.
+#[derive(Debug)]
 pub(super) struct ShortTermMonitor {
     pub consistency: ConsistencyMonitor,
     /// Largest deficit of a single frame that updates it.

@@ -16,6 +16,8 @@ pub struct Anchor {
     own: Plan,
 }
 
+foveate_base::opaque_debug!(Anchor);
+
 impl Anchor {
     /// Combines the centre with `inner`.
     pub fn centre(inner: Box<dyn Policy>) -> Self {

@@ -24,6 +24,7 @@ use serde_json::json;
 use std::f64::consts::PI;
 
 /// The GP-UCB policy.
+#[derive(Debug)]
 pub struct GpUcb {
     settings: Bayes,
     priors: Priors<2>,

@@ -196,6 +196,8 @@ pub enum PolicySnapshot<'a> {
     Surface(&'a dyn Surface),
 }
 
+foveate_base::opaque_debug!(PolicySnapshot<'a>);
+
 /// The kind of prior that a policy computes before the first look, from the picture in which the target is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expectation {

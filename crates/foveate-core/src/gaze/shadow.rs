@@ -16,6 +16,8 @@ pub struct Shadow {
     inner: Box<dyn Policy>,
 }
 
+foveate_base::opaque_debug!(Shadow);
+
 impl Shadow {
     /// Records these gazes in addition to the plan of `inner`.
     pub fn new(gazes: Vec<Gaze>, inner: Box<dyn Policy>) -> Self {

@@ -87,6 +87,7 @@ impl Settings {
 }
 
 /// The network, its template, and its last input.
+#[derive(Debug)]
 pub struct BoxRegression {
     network: Arc<Network>,
     settings: Settings,

@@ -21,3 +21,5 @@ pub struct Buffers {
     pub(super) learning: Learning,
     pub(super) counts: Counts,
 }
+
+foveate_base::opaque_debug!(Buffers);

@@ -163,6 +163,7 @@ impl Patches {
 }
 
 /// Filters convolved with the rings, pooled.
+#[derive(Debug)]
 pub struct ConvolutionEncoder {
     patches: Patches,
     /// From a patch less its mean to what the filters say.

@@ -67,8 +67,10 @@ pub struct GazeAppearance {
     steady: bool,
 }
 
+foveate_base::opaque_debug!(GazeAppearance);
+
 /// What `init_template` learned.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 struct Template {
     /// The picture, or a part of it: from which pixel on, of a picture of which size.
     image: Image,
@@ -79,7 +81,7 @@ struct Template {
     sharpness: f64,
 }
 
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Scratch {
     template_glimpse: Vec<f32>,
     template: Vec<f32>,

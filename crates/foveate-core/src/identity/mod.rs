@@ -83,7 +83,7 @@ pub struct Lesson {
 }
 
 /// A picture of the target, and where in it the target is.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct TemplateSource<'a> {
     /// The picture, or a part of it.
     pub image: &'a Image,

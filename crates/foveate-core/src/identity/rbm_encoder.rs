@@ -20,7 +20,7 @@ pub enum Precision {
 }
 
 /// The activation probabilities of an RBM's hidden units.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct RbmEncoder {
     rbm: Rbm,
     packed: kernels::PackedWeights,

@@ -28,7 +28,7 @@ pub(super) struct Views {
 }
 
 /// States that are seen in different rectangles, sorted out.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct Apart {
     pub view: Vec<usize>,
     pub which: Vec<usize>,

@@ -61,6 +61,8 @@ pub struct Preprocessor {
     found: Vec<Detection>,
 }
 
+foveate_base::opaque_debug!(Preprocessor);
+
 impl Preprocessor {
     /// Looks for candidates with `detector`, and for motion with a flow that ends at the level `flow`: 0 the picture
     /// itself, 1 half of it.

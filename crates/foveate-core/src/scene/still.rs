@@ -21,6 +21,7 @@ const FEWEST: usize = 20;
 const SHARE: f64 = 0.5;
 
 /// Watches pictures for motion of the camera.
+#[derive(Debug)]
 pub struct StillCamera {
     flow: Flow,
     /// The last two pictures in coarse cells.

@@ -78,6 +78,7 @@ impl Judged {
 }
 
 /// Records every frame of a run beside the truth.
+#[derive(Debug)]
 pub struct Recorder<'a> {
     truth: &'a [Option<BBox>],
     /// Reports from the second frame on.

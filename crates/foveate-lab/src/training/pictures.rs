@@ -189,6 +189,8 @@ pub struct FeatureExtractor {
     pub seed: u64,
 }
 
+foveate_base::opaque_debug!(FeatureExtractor);
+
 impl FeatureExtractor {
     /// Returns the features of every picture with the variation of epoch `epoch`, a row each; clamped to 0 to 1, as in recognition.
     pub fn look(&self, pictures: &Pictures, epoch: u64) -> Vec<f32> {

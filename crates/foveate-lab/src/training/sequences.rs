@@ -78,6 +78,8 @@ pub struct FixationSampler {
     pub seed: u64,
 }
 
+foveate_base::opaque_debug!(FixationSampler);
+
 /// Sampled sequences.
 #[derive(Clone, Debug)]
 pub struct FixationData {

@@ -51,7 +51,7 @@ struct Header<T> {
 }
 
 /// The metadata of a model file whose tensors are the whole model.
-#[derive(Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct About {
     /// Where the model comes from.

@@ -23,7 +23,7 @@ const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
 const MONITORED: usize = 500;
 
 /// Arguments for a model of glimpses of natural photographs.
-#[derive(clap::Args)]
+#[derive(Debug, clap::Args)]
 pub struct Natural {
     /// Folder of photographs, JPEG or PNG (or with a folder `natural` of them).
     #[arg(long, value_name = "DIR")]
@@ -61,6 +61,7 @@ pub struct Natural {
 }
 
 /// Training and monitoring glimpses, n × the number of retina values.
+#[derive(Debug)]
 pub struct Glimpses {
     /// The retina of the glimpses.
     pub retina: Foveal,
@@ -172,6 +173,7 @@ impl Glimpses {
 }
 
 /// The output files of a training run.
+#[derive(Debug)]
 pub struct Files<'a> {
     /// The model file.
     pub model: &'a Path,

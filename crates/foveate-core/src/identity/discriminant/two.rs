@@ -2,7 +2,6 @@
 
 use super::Discriminant;
 use super::ridge::STEPS;
-use super::short_term::Recent;
 
 impl Discriminant {
     /// Whether it has a short-term memory.

@@ -4,7 +4,6 @@
 use super::{GazeAppearance, Template, looks};
 use crate::geometry::Gaze;
 use crate::identity::Buffers;
-use crate::identity::discriminant::Discriminant;
 use crate::identity::pyramid::{Pyramid, Region};
 use crate::identity::retina::Retina;
 use crate::scene::Image;

@@ -28,6 +28,8 @@ pub struct OnnxEncoder {
     gain: Vec<f32>,
 }
 
+foveate_base::opaque_debug!(OnnxEncoder);
+
 impl OnnxEncoder {
     /// For this retina. `mean` is taken off the values, which are then divided by `std`: none, one number, or one a plane.
     ///

@@ -27,6 +27,8 @@ pub struct ObjectDetector {
     map: Map,
 }
 
+foveate_base::opaque_debug!(ObjectDetector);
+
 impl ObjectDetector {
     /// # Errors
     /// Where the network does not take one picture, gives no boxes, has no such class, cannot be run, or takes too much memory.
