@@ -11,6 +11,7 @@ use super::Sequence;
 
 /// The mask of the target in each frame, from one picture that has them below each other, first to last: a pixel is of the target where it
 /// is not black.
+#[derive(Debug)]
 pub struct Masks {
     picture: Image,
     /// Height of one mask, pixels.
