@@ -46,18 +46,18 @@ fn whole(path: &Path, bytes: &[u8], begin: fn(&Path) -> std::io::Result<Part>) -
 /// [`Error::Io`] with the file if it cannot be read, [`Error::Malformed`] if it is of another kind or larger.
 pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
     let path = path.as_ref();
-    let told = std::fs::metadata(path).map_err(Error::io(path, "cannot read"))?;
-    if !told.is_file() {
+    let found = std::fs::metadata(path).map_err(Error::io(path, "cannot read"))?;
+    if !found.is_file() {
         return Err(Error::malformed(path, "not a regular file; copy what it gives into one"));
     }
     let too_large = |size: u64| {
         Error::malformed(path, format!("it has {size} bytes, more than the {most} that such a file may have"))
     };
-    if told.len() > most {
-        return Err(too_large(told.len()));
+    if found.len() > most {
+        return Err(too_large(found.len()));
     }
     // It may grow while it is read, or say 0 as files of /proc do.
-    let mut bytes = Vec::with_capacity(told.len() as usize);
+    let mut bytes = Vec::with_capacity(found.len() as usize);
     let file = std::fs::File::open(path).map_err(Error::io(path, "cannot read"))?;
     std::io::Read::read_to_end(&mut std::io::Read::take(file, most + 1), &mut bytes)
         .map_err(Error::io(path, "cannot read"))?;

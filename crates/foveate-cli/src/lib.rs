@@ -119,10 +119,10 @@ impl Common {
             return 1;
         }
         // A decoder's panic is reported once, as an error of its file.
-        let told = std::panic::take_hook();
+        let previous = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
             if !foveate::quiet::is_caught() {
-                told(info);
+                previous(info);
             }
         }));
         match threads(self.threads.into()).and_then(|pool| pool.install(command)) {

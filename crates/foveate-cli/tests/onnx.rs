@@ -26,14 +26,14 @@ fn detector() -> Vec<u8> {
 fn a_network_detects() {
     let place = Place::new();
     std::fs::write(place.path("d.onnx"), detector()).expect("a writable folder");
-    let told = |args: &[&str]| {
+    let message = |args: &[&str]| {
         let all = [&["video", "--detect", "onnx:d.onnx", "--json", "--save-detections", "d.txt"][..], args].concat();
         let output = place.track("many", &all);
         assert!(output.status.success(), "{}", errors(&output));
         let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
         (summary, Tracks::read(place.path("d.txt")).expect("just written").sightings)
     };
-    let (summary, found) = told(&[]);
+    let (summary, found) = message(&[]);
     assert_eq!(summary["detector"], "onnx:d.onnx (--detect)");
     assert_eq!(summary["targets"], 2, "both are followed: {summary}");
     assert_eq!(found.len(), 2 * FRAMES);
@@ -47,10 +47,10 @@ fn a_network_detects() {
     for (k, sighting) in found.iter().enumerate() {
         assert!(sighting.bbox.iou([&middle, &left][k % 2]) > 0.99, "{sighting:?}");
     }
-    assert_eq!(told(&["--classes", "1"]).1.len(), FRAMES);
-    assert_eq!(told(&["--classes", "0,1"]).1.len(), 2 * FRAMES);
-    assert!(told(&["--least", "0.99"]).1.is_empty());
-    assert_eq!(told(&["--layout", "yolov8"]).1, found);
+    assert_eq!(message(&["--classes", "1"]).1.len(), FRAMES);
+    assert_eq!(message(&["--classes", "0,1"]).1.len(), 2 * FRAMES);
+    assert!(message(&["--least", "0.99"]).1.is_empty());
+    assert_eq!(message(&["--layout", "yolov8"]).1, found);
 
     for (args, words) in [
         (&["video", "--detect", "onnx:no.onnx"][..], &["no.onnx", "cannot read"][..]),

@@ -49,7 +49,7 @@ impl Alarm {
         Ok(Self { accumulator, belief: vec![1.0 / classes as f64; classes], past: Past::default() })
     }
     /// Updates posterior and deficit with log pₜ(c), the frame's own decision at the estimate, and the frame's context.
-    pub(crate) fn hear(&mut self, log_p: &[f64], context: &Context) {
+    pub(crate) fn update(&mut self, log_p: &[f64], context: &Context) {
         let agrees: f64 = self.belief.iter().zip(log_p).map(|(b, q)| b * q.exp()).sum();
         let known = self.belief.iter().any(|b| *b > KNOWN);
         let p = &mut self.past;
@@ -109,14 +109,14 @@ mod tests {
         let (mine, other) = ([0.9f64.ln(), 0.1f64.ln()], [0.1f64.ln(), 0.9f64.ln()]);
         let mut g = alarm();
         for _ in 0..20 {
-            g.hear(&mine, &SURE);
+            g.update(&mine, &SURE);
             assert_eq!(g.deficit(), 0.0, "it is what it was");
         }
         // b is (1, 0) up to 1e-19, the usual agreement is 0.9 except in the first frames, and the other class falls short by 8/9.
         let lost = |g: &mut Alarm, log_p: &[f64]| {
             let mut frames = (1..100).map(|t| {
                 let doubtful = Context { deficit: 0.5, ..SURE };
-                g.hear(log_p, &doubtful);
+                g.update(log_p, &doubtful);
                 (t, g.deficit())
             });
             frames.find(|(_, deficit)| (*deficit > 0.6) == (log_p[0] < log_p[1])).expect("in a hundred frames")
@@ -137,7 +137,7 @@ mod tests {
         let mut g = alarm();
         for t in 0..50 {
             let log_p = [[0.6f64.ln(), 0.4f64.ln()], [0.4f64.ln(), 0.6f64.ln()]][t % 2];
-            g.hear(&log_p, &SURE);
+            g.update(&log_p, &SURE);
             assert_eq!(g.deficit(), 0.0);
         }
         assert!(

@@ -27,7 +27,7 @@ pub mod settings;
 mod target;
 
 pub use crate::seen::Phase;
-pub(crate) use room::Room;
+pub(crate) use room::MemoryEstimate;
 pub use settings::Settings;
 
 use crate::engine::{Claim, Engine};
@@ -41,7 +41,7 @@ use initiation::TentativeTracks;
 use meeting::Meetings;
 use occlusion::{Body, Fronts};
 use pairs::Expected;
-use pool::Pool;
+use pool::BufferPool;
 use ranks::Ranks;
 use target::Target;
 
@@ -64,7 +64,7 @@ const SAME: f64 = 0.6;
 pub struct MultiTracker {
     origin: Origin,
     settings: Settings,
-    room: Room,
+    room: MemoryEstimate,
     /// Whether the memory limit kept a track from starting.
     full: bool,
     make: Make,
@@ -92,7 +92,7 @@ pub struct MultiTracker {
     targets: Vec<Seen<'static>>,
     /// The targets whose boxes are results.
     results: Vec<Seen<'static>>,
-    pool: Pool,
+    pool: BufferPool,
     work: Work,
 }
 
@@ -116,7 +116,7 @@ struct Work {
 }
 
 impl MultiTracker {
-    pub(crate) fn of(origin: Origin, settings: Settings, room: Room, make: Make, fresh: Fresh) -> Self {
+    pub(crate) fn of(origin: Origin, settings: Settings, room: MemoryEstimate, make: Make, fresh: Fresh) -> Self {
         Self {
             origin,
             settings,
@@ -139,7 +139,7 @@ impl MultiTracker {
             detecting: false,
             targets: vec![],
             results: vec![],
-            pool: Pool::default(),
+            pool: BufferPool::default(),
             work: Work::default(),
         }
     }
@@ -208,7 +208,7 @@ impl MultiTracker {
             if !target.looked_at && target.engine.waits(target.track.detection.is_some()) {
                 return target.step(image, s, detecting); // It needs no buffers.
             }
-            target.looking(pool, |target| target.step(image, s, detecting));
+            target.with_buffers(pool, |target| target.step(image, s, detecting));
         });
         self.terminate(image);
         self.initiate(image, detections, own);
@@ -230,7 +230,7 @@ impl MultiTracker {
         match self.active.binary_search_by_key(&id, |t| t.track.id) {
             Ok(at) => {
                 let born = self.active[at].track.born;
-                self.active[at].looking(&self.pool, |target| target.engine.init(image, bbox))?;
+                self.active[at].with_buffers(&self.pool, |target| target.engine.init(image, bbox))?;
                 self.active[at].begin(born, bbox, Phase::Initiated);
             }
             Err(_) => _ = self.start(image, id, bbox)?,
@@ -315,7 +315,7 @@ impl MultiTracker {
         let mut given = pairs::in_stages(expected, left, &weak, s, &mut |i, j| {
             let target = active.get_mut(i).filter(|target| target.looked_at && !pool.stops())?;
             let state = target.engine.state_at(&left[j].bbox);
-            Some(target.looking(pool, |target| target.engine.similarity(image, &state)))
+            Some(target.with_buffers(pool, |target| target.engine.similarity(image, &state)))
         });
         given.truncate(self.active.len());
         expected.truncate(self.active.len());

@@ -152,7 +152,7 @@ impl Recognition {
         self.accumulator.add(&self.log_p);
         self.accumulator.posterior(&mut self.classes);
         if let Some(alarm) = &mut self.alarm {
-            alarm.hear(&self.log_p, context);
+            alarm.update(&self.log_p, context);
         }
     }
 

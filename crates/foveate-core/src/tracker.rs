@@ -78,7 +78,7 @@ impl Tracker {
     }
 
     /// Sets the sensor that reads pictures.
-    pub fn sensing(self, sensor: Option<Sensor>) -> Self {
+    pub fn with_sensor(self, sensor: Option<Sensor>) -> Self {
         Self { sensor, ..self }
     }
 
@@ -283,7 +283,7 @@ impl Blueprint {
     /// As [`Blueprint::tracker`].
     pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
         let sensor = self.config().sensor.clone().map(Sensor::new);
-        Ok(Tracker::of(self.origin(seed, target), self.members(seed, target)?, self.preprocessor()).sensing(sensor))
+        Ok(Tracker::of(self.origin(seed, target), self.members(seed, target)?, self.preprocessor()).with_sensor(sensor))
     }
 }
 

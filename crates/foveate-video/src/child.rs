@@ -154,12 +154,12 @@ pub(crate) fn guarded(program: &Path) -> std::io::Result<(Command, Line)> {
 /// its content may come from a video.
 pub(crate) fn listen(
     errors: impl Read + Send + 'static,
-    mut told: impl FnMut(String) + Send + 'static,
+    mut on_line: impl FnMut(String) + Send + 'static,
 ) -> Result<JoinHandle<()>, String> {
     let work = move || {
         for line in BufReader::new(errors).split(b'\n').map_while(Result::ok) {
             let line = String::from_utf8_lossy(&line[..line.len().min(2000)]).into_owned();
-            told(line.trim_end_matches('\r').chars().flat_map(shown).collect());
+            on_line(line.trim_end_matches('\r').chars().flat_map(shown).collect());
         }
     };
     thread::start("listening to ffmpeg", work).map_err(|error| error.to_string())

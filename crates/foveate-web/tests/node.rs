@@ -71,20 +71,20 @@ fn webassembly_and_native_code_agree() {
             .output()
             .expect("node runs");
         assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
-        let told: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-        let wasm: Vec<[f64; 4]> = serde_json::from_value(told["boxes"].clone()).expect("boxes");
-        let pushed: Vec<[f64; 4]> = serde_json::from_value(told["pushed"].clone()).expect("boxes");
+        let result: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        let wasm: Vec<[f64; 4]> = serde_json::from_value(result["boxes"].clone()).expect("boxes");
+        let pushed: Vec<[f64; 4]> = serde_json::from_value(result["pushed"].clone()).expect("boxes");
         // Car1 is grey; what is pushed always has colours.
         if name != "Car1" {
             assert_eq!(wasm[1..], pushed, "{name}: frames that are read and frames that are pushed are the same");
         }
         let native = native(&files, truth[0], config);
         let (agree, ours, theirs) = (mean_iou(&wasm, &native), mean_iou(&wasm, &truth), mean_iou(&native, &truth));
-        let rate = (FRAMES - 1) as f64 / told["tracking"].as_f64().expect("seconds");
+        let rate = (FRAMES - 1) as f64 / result["tracking"].as_f64().expect("seconds");
         eprintln!(
             "{name}, {config}: mean IoU with native code {agree:.3}; with the truth {ours:.3}, of native code {theirs:.3}; {rate:.0} \
              frames a second; memory {}",
-            told["memory"]
+            result["memory"]
         );
         assert!(agree >= 0.95, "{name}: {agree}");
     }

@@ -6,7 +6,7 @@ use foveate::files::Folder;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, random_recogniser, recognising};
+use common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, random_recogniser, with_recogniser};
 use foveate::config::{Blueprint, Config};
 use foveate::geometry::BBox;
 use foveate::scene::Image;
@@ -102,7 +102,7 @@ fn recognition_allocates_nothing() {
         let alarming = "{ kind = \"random\" }\nalarm = true";
         for looking in ["", alarming, "{ kind = \"anchor\", policy = { kind = \"exp3\", gamma = 0.3 } }"] {
             for rule in ["\"sum\"", "\"count\""] {
-                let blueprint = recognising(&blueprint(POLICIES[3], false, 0.5, false, 100), &model, rule, looking);
+                let blueprint = with_recogniser(&blueprint(POLICIES[3], false, 0.5, false, 100), &model, rule, looking);
                 let counts = counts(&blueprint, &frames);
                 assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{looking} {rule}: {counts:?}");
             }

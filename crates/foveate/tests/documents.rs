@@ -258,7 +258,8 @@ fn dependencies_are_told() {
     let architecture = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("it is there");
     let table = architecture.split("<!-- dependencies -->\n").nth(1).expect("a mark before the table");
     let rows = table.lines().take_while(|l| l.starts_with('|')).skip(2);
-    let told: Vec<&str> = rows.flat_map(|l| l.split('|').nth(1).expect("a cell").split(',').map(str::trim)).collect();
+    let message: Vec<&str> =
+        rows.flat_map(|l| l.split('|').nth(1).expect("a cell").split(',').map(str::trim)).collect();
     let mut needed = vec![];
     for folder in std::fs::read_dir(root().join("crates")).expect("crates").map(|e| e.expect("readable").path()) {
         let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).expect("a manifest");
@@ -270,9 +271,9 @@ fn dependencies_are_told() {
         }
     }
     for name in &needed {
-        assert!(told.contains(&name.as_str()), "ARCHITECTURE.md does not say what {name} is for");
+        assert!(message.contains(&name.as_str()), "ARCHITECTURE.md does not say what {name} is for");
     }
-    for name in told {
+    for name in message {
         assert!(needed.iter().any(|n| n == name), "ARCHITECTURE.md names {name}, which no crate needs");
     }
 }

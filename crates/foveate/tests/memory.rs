@@ -79,13 +79,13 @@ fn blueprint(config: &str) -> Blueprint {
 #[test]
 fn a_target_takes_what_was_told() {
     for (config, most) in [("multi", 60_000), ("multi-motion", 300_000), ("multi-boxes", 300_000)] {
-        let told = blueprint(config).memory_of_target() as usize;
+        let estimate = blueprint(config).memory_of_target() as usize;
         let (more, template, _) = run(config, 60, true, 3);
         let each = (more - run(config, 20, true, 3).0) / 40;
         let beside = each.saturating_sub(template);
-        println!("{config}: {each} bytes a target, {template} of them its template; {told} told");
-        let bounds = told / 3..=told + told / 50;
-        assert!(told <= most && bounds.contains(&beside), "{config}: {beside}, told {told}, {most}");
+        println!("{config}: {each} bytes a target, {template} of them its template; {estimate} estimated");
+        let bounds = estimate / 3..=estimate + estimate / 50;
+        assert!(estimate <= most && bounds.contains(&beside), "{config}: {beside}, estimate {estimate}, {most}");
     }
 }
 

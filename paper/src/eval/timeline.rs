@@ -190,13 +190,13 @@ mod tests {
 
     #[test]
     fn panels_are_drawn() {
-        let told = timeline(10);
-        assert_eq!(told.errors(), [3.0; 4]);
-        let mut gap = told.clone();
+        let whole = timeline(10);
+        assert_eq!(whole.errors(), [3.0; 4]);
+        let mut gap = whole.clone();
         gap.truth[2] = None;
         assert_eq!(gap.errors(), [3.0; 3]);
-        assert!(told.plot("all").contains("true x, y") && !gap.plot("some").contains("true x, y"));
-        let svg = told.plot("an <8>");
+        assert!(whole.plot("all").contains("true x, y") && !gap.plot("some").contains("true x, y"));
+        let svg = whole.plot("an <8>");
         assert!(svg.contains("G5, the centre") && svg.contains("probability of each class"), "{svg}");
         let plain = Timeline { arms: vec![], ..timeline(1) };
         let plain = Timeline { classes: vec![vec![]; 4], ..plain };

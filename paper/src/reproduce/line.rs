@@ -129,7 +129,7 @@ impl LineSpec {
         let blueprint = Config { seed: 0, ..config }.check(&files).map_err(in_line)?;
         let Some(looks) = self.looks else { return Entry::of(blueprint, "") };
         let model = RECOGNISERS.iter().find(|model| DIGITS.ends_with(model.0)).map_or(&[][..], |model| model.1);
-        Entry::of(blueprint.recognising(looks.recogniser(), &Folder::here())?, &digest(&[model]))
+        Entry::of(blueprint.with_recogniser(looks.recogniser(), &Folder::here())?, &digest(&[model]))
     }
 }
 

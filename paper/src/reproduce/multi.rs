@@ -26,7 +26,7 @@ impl Finished for Run {
 /// Returns a line's configuration with a recogniser of the digits; it does not change the tracks.
 fn entry(line: &LineSpec, settings: &[String]) -> Result<Entry> {
     let blueprint = line.entry(settings)?.blueprint;
-    let blueprint = blueprint.recognising(RecogniserConfig::multi_fixation(DIGITS), &Folder::here())?;
+    let blueprint = blueprint.with_recogniser(RecogniserConfig::multi_fixation(DIGITS), &Folder::here())?;
     Entry::of(blueprint, if line.alone { "alone" } else { "together" })
 }
 

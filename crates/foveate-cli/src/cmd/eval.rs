@@ -210,7 +210,7 @@ impl Task {
         let out = args.out.join("foveate");
         let said = ["report.html", "confidence.txt", "confidence.json", "reliability.svg"].map(str::to_owned);
         let results = begin(args, [&said[..], &track_files("foveate", sequences, seeds)].concat())?;
-        let ours = run_all("foveate", sequences, seeds, Some(&out), &run_tracker, &mut told)?;
+        let ours = run_all("foveate", sequences, seeds, Some(&out), &run_tracker, &mut print_row)?;
         let all = self.beside(ours);
         let groups = compare(args, sequences, &all, record, "")?;
         let curves = curves::panels(&all.iter().map(Evaluation::drawn).collect::<Vec<_>>());
@@ -252,7 +252,7 @@ fn undone(args: &Args) -> Result<()> {
 }
 
 /// Prints one finished run.
-fn told(row: &Row) {
+fn print_row(row: &Row) {
     let (name, score, seed) = (&row.sequence, &row.score, row.seed.unwrap_or_default());
     note!(
         "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, failure in {} of {}",

@@ -165,8 +165,8 @@ fn frames_of_a_stream_by_http_are_tracked_or_counted() {
         serde_json::from_str(text(&output.stdout).lines().last().expect("lines")).expect("JSON");
     let (tracked, dropped) = (boxes(dir.path(), "newest").len() as u64, last["dropped"].as_u64().expect("a number"));
     assert_eq!((tracked + dropped, last["frame"].as_u64()), (60, Some(60)), "{}", text(&output.stderr));
-    let told = text(&output.stderr);
-    assert_eq!(dropped > 0, told.contains(&format!("{dropped} frame")) && told.contains("dropped"), "{told}");
+    let message = text(&output.stderr);
+    assert_eq!(dropped > 0, message.contains(&format!("{dropped} frame")) && message.contains("dropped"), "{message}");
 }
 
 #[test]
@@ -176,14 +176,14 @@ fn a_transfer_that_breaks_off_is_an_error() {
     for name in ["first.mp4", "a.ts", "a.mkv"] {
         let address = format!("{}/{name}", serve(dir.path(), Serves::CutWhole));
         let output = run(dir.path(), &[&address, "--out", "out", "--reconnect", "0"], vec![]);
-        let told = text(&output.stderr);
-        assert!(output.status.code() == Some(1) && told.contains("breaks off"), "{name}: {told}");
+        let message = text(&output.stderr);
+        assert!(output.status.code() == Some(1) && message.contains("breaks off"), "{name}: {message}");
         let tracked = boxes(dir.path(), "out").len();
         assert!((20..60).contains(&tracked), "{name}: {tracked}");
     }
     // The index of this one is at its end, which cannot be asked for alone.
     let address = format!("{}/large.mp4", serve(dir.path(), Serves::Whole));
     let output = run(dir.path(), &[&address, "--out", "none"], vec![]);
-    let told = text(&output.stderr);
-    assert!(output.status.code() == Some(1) && told.contains("Range") && told.contains("faststart"), "{told}");
+    let message = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && message.contains("Range") && message.contains("faststart"), "{message}");
 }

@@ -284,15 +284,15 @@ fn a_stream_that_breaks_off_is_opened_again() {
     };
     let mut child = track(dir.path(), &[&address, "--listen", "--out", "out", "--stream"]).spawn().expect("it starts");
     let mut lines = BufReader::new(child.stdout.take().expect("a pipe"));
-    let (told, mut errors) =
+    let (message, mut errors) =
         (Arc::new(Mutex::new(String::new())), BufReader::new(child.stderr.take().expect("a pipe")));
-    let (heard, mut line) = (told.clone(), String::new());
+    let (heard, mut line) = (message.clone(), String::new());
     let listener = std::thread::spawn(move || {
         while errors.read_line(&mut line).is_ok_and(|n| n > 0) {
             heard.lock().expect("one writer").push_str(&std::mem::take(&mut line));
         }
     });
-    let told = || told.lock().expect("one writer").clone();
+    let message = || message.lock().expect("one writer").clone();
     let mut last = 0;
     for round in 0..2 {
         let (send, stop) = std::sync::mpsc::channel::<()>();
@@ -313,13 +313,13 @@ fn a_stream_that_breaks_off_is_opened_again() {
         // Frames of the first sender may still be on their way.
         let before = || match round {
             0 => Some(0),
-            _ => told().split("after frame ").nth(1).and_then(|rest| rest.split(';').next()?.parse::<u64>().ok()),
+            _ => message().split("after frame ").nth(1).and_then(|rest| rest.split(';').next()?.parse::<u64>().ok()),
         };
         while before().is_none_or(|before| last < before + 15) {
             let mut line = String::new();
             if lines.read_line(&mut line).expect("a line") == 0 {
                 drop(send);
-                panic!("round {round}: {}", told());
+                panic!("round {round}: {}", message());
             }
             let line: serde_json::Value = serde_json::from_str(&line).expect("JSON");
             last = line["frame"].as_u64().expect("a number");
@@ -330,5 +330,9 @@ fn a_stream_that_breaks_off_is_opened_again() {
     signal(&child, "-TERM");
     assert_eq!(child.wait().expect("it ends").code(), Some(143));
     listener.join().expect("it ends");
-    assert!(told().contains("opened again 1 time") && told().contains("waiting for another sender"), "{}", told());
+    assert!(
+        message().contains("opened again 1 time") && message().contains("waiting for another sender"),
+        "{}",
+        message()
+    );
 }

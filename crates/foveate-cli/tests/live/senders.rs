@@ -43,17 +43,17 @@ fn every_frame_of_a_sender_is_tracked_and_its_end_is_the_end() {
         (&[], &by_http),
     ] {
         let (output, late) = listened(dir.path(), &[args, &["--out", "out", "--stream"]].concat(), target);
-        let (told, lines) = (text(&output.stderr), text(&output.stdout));
-        assert!(output.status.success(), "{args:?}: {told}");
+        let (message, lines) = (text(&output.stderr), text(&output.stdout));
+        assert!(output.status.success(), "{args:?}: {message}");
         assert!(late < Duration::from_secs(10), "{args:?}: {late:?}");
         let last: serde_json::Value = serde_json::from_str(lines.lines().last().expect("lines")).expect("JSON");
         let (tracked, dropped) = (boxes(dir.path(), "out").len() as u64, last["dropped"].as_u64().expect("a number"));
-        assert_eq!(tracked + dropped, 50, "{args:?} {target:?}: {told}");
-        assert!(dropped == 0 || !args.contains(&"--every-frame"), "{args:?}: {told}");
-        assert!(told.contains("waiting for a sender"), "{told}");
-        let waits =
-            told.contains("ended after frame 50; waiting for another sender") && told.contains("no other sender came");
-        assert_eq!(waits, args.contains(&"1"), "{told}");
+        assert_eq!(tracked + dropped, 50, "{args:?} {target:?}: {message}");
+        assert!(dropped == 0 || !args.contains(&"--every-frame"), "{args:?}: {message}");
+        assert!(message.contains("waiting for a sender"), "{message}");
+        let waits = message.contains("ended after frame 50; waiting for another sender")
+            && message.contains("no other sender came");
+        assert_eq!(waits, args.contains(&"1"), "{message}");
     }
 }
 
@@ -64,11 +64,11 @@ fn a_pipe_of_another_kind_says_what_it_is() {
     for (name, kind) in [("first.mp4", "MP4"), ("a.ts", "an MPEG transport stream"), ("a.mkv", "Matroska")] {
         let bytes = std::fs::read(dir.path().join(name)).expect("a file");
         let output = run(dir.path(), &["-", "--out", "out"], bytes.clone());
-        let told = text(&output.stderr);
-        assert!(output.status.code() == Some(1) && told.contains(&format!("found {kind}")), "{told}");
-        assert!(told.trim_end().chars().all(|c| !c.is_control()) && !told.contains("\\u{"), "{told}");
+        let message = text(&output.stderr);
+        assert!(output.status.code() == Some(1) && message.contains(&format!("found {kind}")), "{message}");
+        assert!(message.trim_end().chars().all(|c| !c.is_control()) && !message.contains("\\u{"), "{message}");
         // The command that is named makes of it what is asked for.
-        let command = told.split('`').nth(1).expect("a command").split('|').nth(1).expect("one of ffmpeg");
+        let command = message.split('`').nth(1).expect("a command").split('|').nth(1).expect("one of ffmpeg");
         let mut child = Command::new("sh")
             .args(["-c", &format!("{command} 2>/dev/null")])
             .stdin(Stdio::piped())
@@ -103,19 +103,23 @@ fn a_wrong_size_of_bare_pixels_is_found_before_it_is_tracked() {
         [source, "--raw", size, "--pix", "gray", "--out", "out", "--no-video"]
     };
     let output = run(dir.path(), &asked("158x120", "a.raw"), vec![]);
-    let told = text(&output.stderr);
-    assert!(output.status.code() == Some(1) && told.contains("check --raw and --pix"), "{told}");
-    assert!(told.contains("20 frames and 4800 bytes") && !dir.path().join("out").exists(), "{told}");
+    let message = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && message.contains("check --raw and --pix"), "{message}");
+    assert!(message.contains("20 frames and 4800 bytes") && !dir.path().join("out").exists(), "{message}");
     // Of a pipe nobody knows the length: the first frame looks skewed.
     for (size, doubted) in [("158x120", true), ("160x120", false)] {
         let output = run(dir.path(), &asked(size, "-"), raw.clone());
-        let told = text(&output.stderr);
-        assert_eq!(told.contains("do not fit together") && told.contains("at 160 pixels a row"), doubted, "{told}");
-        assert_eq!(output.status.success(), !doubted, "{told}");
+        let message = text(&output.stderr);
+        assert_eq!(
+            message.contains("do not fit together") && message.contains("at 160 pixels a row"),
+            doubted,
+            "{message}"
+        );
+        assert_eq!(output.status.success(), !doubted, "{message}");
     }
     // Standard input that is a file has a length.
     let mut command = track(dir.path(), &asked("158x120", "-"));
     command.stdin(std::fs::File::open(dir.path().join("a.raw")).expect("a file"));
-    let told = text(&command.output().expect("it runs").stderr);
-    assert!(told.contains("20 frames and 4800 bytes"), "{told}");
+    let message = text(&command.output().expect("it runs").stderr);
+    assert!(message.contains("20 frames and 4800 bytes"), "{message}");
 }

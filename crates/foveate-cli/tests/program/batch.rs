@@ -97,9 +97,9 @@ fn a_summary_of_all_is_one_document() {
     let run = place.track("runs", &["videos/a", "videos/b", "videos/c", "--json"]);
     assert!(!run.status.success() && errors(&run).contains("3 videos: 0 finished before"), "{}", errors(&run));
     assert_eq!(run.stdout, place.read("runs/runs.json"));
-    let told: serde_json::Value = serde_json::from_slice(&run.stdout).expect("one document");
-    assert_eq!((&told["runs"]["a"]["frames"], &told["runs"]["a"]["source"]), (&6.into(), &"videos/a".into()));
-    assert!(told["runs"]["c"]["error"].as_str().is_some_and(|error| error.contains("0001.png")), "{told}");
+    let message: serde_json::Value = serde_json::from_slice(&run.stdout).expect("one document");
+    assert_eq!((&message["runs"]["a"]["frames"], &message["runs"]["a"]["source"]), (&6.into(), &"videos/a".into()));
+    assert!(message["runs"]["c"]["error"].as_str().is_some_and(|error| error.contains("0001.png")), "{message}");
 }
 
 /// Where files may have such names.

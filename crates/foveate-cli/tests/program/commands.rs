@@ -46,12 +46,12 @@ fn completions_and_manual_pages() {
 #[test]
 fn the_demo_is_honest() {
     let place = Place::new();
-    let told = said(&place.run(&["demo", "--out", "d"]));
+    let message = said(&place.run(&["demo", "--out", "d"]));
     for words in ["a drawn 2", "values read a frame", "looks that (", "is worth most", "end to end", "d/report.html"] {
-        assert!(told.contains(words), "{words} is missing in\n{told}");
+        assert!(message.contains(words), "{words} is missing in\n{message}");
     }
     let error = |policy: &str| -> f64 {
-        let line = told.lines().find(|line| line.trim_start().starts_with(policy)).expect("a line for each policy");
+        let line = message.lines().find(|line| line.trim_start().starts_with(policy)).expect("a line for each policy");
         line.split("mean error ")
             .nth(1)
             .and_then(|rest| rest.split(' ').next())
@@ -60,9 +60,10 @@ fn the_demo_is_honest() {
             .expect("a number")
     };
     let least = error("fixed centre").min(error("random gazes"));
-    assert!(error("gp-ucb") < 0.7 * least, "learning where to look pays here:\n{told}");
+    assert!(error("gp-ucb") < 0.7 * least, "learning where to look pays here:\n{message}");
     // What is said of ten seeds is what the documents have, with the command that measures it.
-    let ten = told.split("One run is luck. ").nth(1).and_then(|rest| rest.split(" (docs/").next()).expect("ten seeds");
+    let ten =
+        message.split("One run is luck. ").nth(1).and_then(|rest| rest.split(" (docs/").next()).expect("ten seeds");
     let docs = ["README.md", "docs/looking.md"].map(|name| format!("{}/../../{name}", env!("CARGO_MANIFEST_DIR")));
     for path in &docs {
         let text = std::fs::read_to_string(path).expect("a document");
@@ -71,15 +72,18 @@ fn the_demo_is_honest() {
     assert_eq!(place.names("d"), ["annotated.mp4", "boxes.txt", "report.html", "run.json", "surface.png", "track.csv"]);
     assert!(String::from_utf8_lossy(&place.read("d/report.html")).contains("\"baselines\":[{"));
     let clutter = ["demo", "--out", "d", "--scene", "clutter", "--set", "particles=150", "--trace"];
-    let told = said(&place.run(&clutter));
+    let message = said(&place.run(&clutter));
     for words in ["Followed a drawn 3", "occluded in 0 frames", "It learned to look at", "fixed centre", "random gazes"]
     {
-        assert!(told.contains(words), "{words} is missing in\n{told}");
+        assert!(message.contains(words), "{words} is missing in\n{message}");
     }
     assert!(place.path("d/trace.jsonl").is_file());
-    let told = said(&place.run(&["demo", "--out", "d", "--policy", "fixed"]));
-    assert!(told.contains("has nothing to learn") && told.contains("random gazes"), "{told}");
-    assert!(!told.contains("fixed centre mean") && !told.contains("One run is luck"), "not beside itself: {told}");
+    let message = said(&place.run(&["demo", "--out", "d", "--policy", "fixed"]));
+    assert!(message.contains("has nothing to learn") && message.contains("random gazes"), "{message}");
+    assert!(
+        !message.contains("fixed centre mean") && !message.contains("One run is luck"),
+        "not beside itself: {message}"
+    );
     for name in ["natural", "natural-fast", "multi"] {
         let error = errors(&place.run(&["demo", "--out", "d", "--config", name]));
         assert!(error.contains("for real video") && error.contains("digits-hedge"), "{error}");

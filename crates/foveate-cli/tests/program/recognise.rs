@@ -52,8 +52,8 @@ fn a_track_says_what_it_follows() {
     track("count", &["--recognise", "m.safetensors", "--set", "recogniser.accumulate=count", "--set", "particles=100"]);
     assert_ne!(read("count/track.csv"), read("named/track.csv"), "each frame is one vote");
     let wrong = ["track", "video", "-c", "digits", "--recognise", "m.safetensors", "--set", "recogniser.none=1"];
-    let told = String::from_utf8_lossy(&foveate(dir, &wrong).stderr).into_owned();
-    assert!(told.contains("recogniser.none=1") && told.contains("unknown field"), "{told}");
+    let message = String::from_utf8_lossy(&foveate(dir, &wrong).stderr).into_owned();
+    assert!(message.contains("recogniser.none=1") && message.contains("unknown field"), "{message}");
 
     // What ships knows digits alone, and says so.
     let words = track("shipped", &["--recognise"]);

@@ -315,8 +315,8 @@ fn parts_of_an_evaluation_are_put_together() {
         with(&name("whole"), choose);
         if choose.is_empty() {
             assert_eq!(runs(&name("whole")), 0, "a finished evaluation begins anew");
-            let told = with(&name("side"), &["--side-by-side", "--threads", "2"]);
-            assert!(told.contains("6 runs, 0 of them from") && runs(&name("side")) == 0, "{told}");
+            let message = with(&name("side"), &["--side-by-side", "--threads", "2"]);
+            assert!(message.contains("6 runs, 0 of them from") && runs(&name("side")) == 0, "{message}");
             assert_eq!(without_times(&name("side")), without_times(&name("whole")));
         }
         for part in ["1/2", "2/2"] {
@@ -327,13 +327,13 @@ fn parts_of_an_evaluation_are_put_together() {
         let (first, second, all) = (path(&name("1")), path(&name("2")), if choose.is_empty() { 6 } else { 12 });
         assert_eq!(runs(&name("1")) + runs(&name("2")), all);
         let merge = [choose, &["--merge", &first, "--merge", &second, "--threads", "1"]].concat();
-        let told = with(&name("merged"), &merge);
-        assert!(told.contains(&format!("{all} runs, {all} of them from")), "{told}");
+        let message = with(&name("merged"), &merge);
+        assert!(message.contains(&format!("{all} runs, {all} of them from")), "{message}");
         if choose.is_empty() {
             assert_eq!(without_times(&name("merged")), without_times(&name("whole")));
             // What is missing is done, in the folder of a part as well.
-            let told = with(&name("1"), &["--merge", &first]);
-            assert!(told.contains(&format!("6 runs, {} of them from", 6 - runs(&name("2")))), "{told}");
+            let message = with(&name("1"), &["--merge", &first]);
+            assert!(message.contains(&format!("6 runs, {} of them from", 6 - runs(&name("2")))), "{message}");
             assert_eq!(without_times(&name("1")), without_times(&name("whole")));
         } else {
             for file in ["cross.json", "cross.txt"] {
@@ -347,8 +347,8 @@ fn parts_of_an_evaluation_are_put_together() {
         (&["--shard", "1/2", "--results", &seqs], "cannot be used with"),
     ] {
         let refused = foveate(&[&["eval", "--seqs", &seqs, "--out", &path("wrong")], wrong].concat());
-        let told = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert!(!refused.status.success() && told.contains(said), "{wrong:?}: {told}");
+        let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(!refused.status.success() && message.contains(said), "{wrong:?}: {message}");
     }
     assert!(!dir.path().join("wrong").exists());
 }
@@ -466,9 +466,9 @@ fn a_stopped_evaluation_goes_on() {
     }
     assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().expect("kill").success());
     let ended = child.wait_with_output().expect("a child");
-    let told = String::from_utf8_lossy(&ended.stderr).into_owned();
-    assert_eq!(ended.status.code(), Some(143), "{told}");
-    assert!(told.contains("the same command goes on"), "{told}");
+    let message = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(143), "{message}");
+    assert!(message.contains("the same command goes on"), "{message}");
     let kept = runs();
     assert!((2..8).contains(&kept) && !dir.path().join("stopped/scores.json").exists(), "{kept} runs are kept");
     let on = foveate(&args);

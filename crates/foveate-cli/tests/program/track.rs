@@ -257,24 +257,24 @@ fn policy_and_settings_from_the_command_line() {
 #[test]
 fn a_detector_runs_once() {
     let place = Place::new();
-    let told = |args: &[&str]| {
+    let message = |args: &[&str]| {
         let output = place.track("many", &[&["video", "--json"][..], args].concat());
         assert!(output.status.success(), "{}", errors(&output));
         let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
         (summary["detector"].as_str().expect("a text").to_owned(), place.read("many/tracks.txt"))
     };
     let detector = ["--set", "detector.kind=motion"];
-    let (name, _) = told(&["--init", "50,60,28,28", "--init", "90,90,28,28"]);
+    let (name, _) = message(&["--init", "50,60,28,28", "--init", "90,90,28,28"]);
     assert_eq!(name, "none, given boxes alone");
-    let (name, ours) = told(&["--detect", "motion"]);
+    let (name, ours) = message(&["--detect", "motion"]);
     assert_eq!(name, "motion (--detect)");
-    let (name, both) = told(&[&["--detect", "motion"][..], &detector].concat());
+    let (name, both) = message(&[&["--detect", "motion"][..], &detector].concat());
     assert_eq!(name, "motion (--detect), in the place of the configuration's motion");
     assert_eq!(both, ours, "one detector, not two");
-    let (name, _) = told(&[&["--init", "50,60,28,28", "--init", "90,90,28,28"][..], &detector].concat());
+    let (name, _) = message(&[&["--init", "50,60,28,28", "--init", "90,90,28,28"][..], &detector].concat());
     assert_eq!(name, "motion, the configuration's");
     std::fs::write(place.path("d.txt"), "1,-1,9,9,20,20,1\n").expect("a writable folder");
-    let (name, _) = told(&[&["--detections", "d.txt"][..], &detector].concat());
+    let (name, _) = message(&[&["--detections", "d.txt"][..], &detector].concat());
     assert_eq!(name, "d.txt, in the place of the configuration's motion");
 }
 

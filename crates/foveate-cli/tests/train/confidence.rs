@@ -58,9 +58,9 @@ fn a_fit_that_was_killed_goes_on() {
     let other = dir.path().join("cut.runs/note.txt");
     std::fs::write(&other, "mine").expect("it can be written");
     let last = fit(dir.path(), "cut.toml").output().expect("it runs");
-    let told = String::from_utf8_lossy(&last.stderr);
-    let (first, _) = told.split_once(" of them from ").expect("how many runs were kept");
-    assert!(last.status.success() && !first.ends_with(" 0"), "{told}");
+    let message = String::from_utf8_lossy(&last.stderr);
+    let (first, _) = message.split_once(" of them from ").expect("how many runs were kept");
+    assert!(last.status.success() && !first.ends_with(" 0"), "{message}");
     assert_eq!(table("cut.toml"), table("whole.toml"));
     assert_eq!(String::from_utf8_lossy(&last.stdout).replace("cut.", "whole."), whole);
     assert!(other.exists() && runs() == 0, "{} are left", runs());

@@ -24,8 +24,8 @@ fn it_is_learned_and_used() {
     let learn = |out: &str, more: &[&str]| {
         foveate(&[&["train", "variation", "--seqs", "seqs", "--out", out], more].concat(), here)
     };
-    let told = said(learn("a.json", &["--threads", "2"]));
-    assert!(told.contains("sequences: 2, of each every frame in 4"), "{told}");
+    let message = said(learn("a.json", &["--threads", "2"]));
+    assert!(message.contains("sequences: 2, of each every frame in 4"), "{message}");
     said(learn("b.json", &["--threads", "1"]));
     let of = |name: &str| {
         let text = std::fs::read_to_string(here.join(name)).expect("it was written");

@@ -81,7 +81,7 @@ impl Default for Exp3SConfig {
 
 impl Exp3Config {
     pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Unbiased, self.gamma)?.hasty(self.haste)?))
+        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Unbiased, self.gamma)?.with_haste(self.haste)?))
     }
 }
 
@@ -93,13 +93,13 @@ impl Exp3AsPrintedConfig {
 
 impl Exp3IxConfig {
     pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Implicit, self.gamma)?.hasty(self.haste)?))
+        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Implicit, self.gamma)?.with_haste(self.haste)?))
     }
 }
 
 impl Exp3SConfig {
     pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Sharing(self.share), self.gamma)?.hasty(self.haste)?))
+        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Sharing(self.share), self.gamma)?.with_haste(self.haste)?))
     }
 }
 

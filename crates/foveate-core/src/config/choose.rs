@@ -12,7 +12,7 @@ pub enum Profile {
     /// One tracker with all parts: `natural`.
     #[default]
     Balanced,
-    /// Three of it that vote, a third of its speed on one core; fewest failures, and losses are told soonest: `natural-committee`.
+    /// Three `natural` trackers that vote: fewest failures, earliest reports of losses, a third of the speed on one core: `natural-committee`.
     Accurate,
 }
 

@@ -91,7 +91,7 @@ impl RecogniserConfig {
 impl Blueprint {
     /// The same, with this recogniser in the place of its own; its model comes from `files`. The track stays the
     /// same.
-    pub fn recognising(mut self, config: RecogniserConfig, files: &dyn Files) -> Result<Self> {
+    pub fn with_recogniser(mut self, config: RecogniserConfig, files: &dyn Files) -> Result<Self> {
         config.ranges()?;
         self.recogniser = Some(config.read(files, &self.config.parts)?);
         self.config.recogniser = Some(config);

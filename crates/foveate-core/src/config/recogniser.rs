@@ -46,8 +46,8 @@ fn a_few() -> Accumulate {
 }
 
 impl RecogniserConfig {
-    /// What a model file or a name after `builtin:` stands for, its other settings as usual. A file that
-    /// cannot be read is told of when it is used.
+    /// Returns the settings for a model file or a name after `builtin:`, with defaults for the others. A file that cannot be read causes
+    /// an error when the recogniser is made.
     pub fn of_model(weights: &str, files: &dyn Files) -> Self {
         let bytes = match weights.starts_with("builtin:") {
             true => vec![],

@@ -1,10 +1,10 @@
-//! What a target takes of the memory that the process may take, told before it is taken.
+//! The memory estimate of a target, checked against the memory limit before the memory is allocated.
 
 use super::Blueprint;
 use crate::geometry::State;
 use crate::identity::discriminant::Discriminant;
 use crate::identity::retina::Retina;
-use crate::multi::Room;
+use crate::multi::MemoryEstimate;
 use foveate_base::{Error, Result, memory};
 
 /// What a target keeps whatever its settings are; the colour model; what looking needs whatever the settings are.
@@ -15,8 +15,8 @@ const VIEWS: u64 = 2 << 20;
 const NUMBERS: u64 = 12;
 
 impl Blueprint {
-    /// What targets take.
-    pub(crate) fn room(&self) -> Room {
+    /// Returns the memory estimate of targets.
+    pub(crate) fn room(&self) -> MemoryEstimate {
         let (c, (n_v, n_h)) = (&self.config, self.encoder.shape());
         let (particles, features) = (c.particles as u64, (n_v + n_h) as u64);
         let state = std::mem::size_of::<State>() as u64;
@@ -39,14 +39,14 @@ impl Blueprint {
             + 3 * 4 * triangle;
         let reach = self.retina.footprints().iter().map(|f| f.reach + f.side).fold(0.0, f64::max) + 1.5;
         let second = self.second.as_ref().map_or(0, |second| {
-            let Room { kept, look, .. } = second.room();
+            let MemoryEstimate { kept, look, .. } = second.room();
             kept.saturating_add(look)
         });
         let kept = kept.saturating_add(second);
         // Each further member has buffers of its own.
         let others = self.config.committee.saturating_sub(1) as u64;
         let kept = kept.saturating_add(others.saturating_mul(kept.saturating_add(look)));
-        Room { kept, look, reach }
+        MemoryEstimate { kept, look, reach }
     }
 
     /// Bytes of RBMs that a target has for itself: those that are trained while it tracks, with their encoder and the pretrained one.
@@ -66,7 +66,7 @@ impl Blueprint {
 
     /// Fails where the settings ask for more memory than there may be, before it is taken.
     pub(super) fn fits(&self) -> Result<()> {
-        let Room { kept, look, .. } = self.room();
+        let MemoryEstimate { kept, look, .. } = self.room();
         let what = format_args!(
             "particles: {} of them, with {} features each, and {} remembered frames,",
             self.config.particles,

@@ -67,7 +67,7 @@ pub struct Config {
     /// d and how sharply it counts.
     #[serde(deserialize_with = "in_range")]
     pub likelihood: LikelihoodConfig,
-    /// What tells the target from what is around it, learned while tracking; not at all unless given.
+    /// The discriminant: it separates the target from its surroundings, and learns while tracking. Off unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub discriminant: Option<discriminant::Settings>,
     /// Covariance of a target's features along a track, a prior for the discriminant.
@@ -77,14 +77,14 @@ pub struct Config {
     /// discriminant decides whether the target is lost.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub short_term: Option<discriminant::ShortTerm>,
-    /// The colours of the target against those of its surroundings, learned while tracking; not at all unless given.
+    /// The colour model: colours of the target against those of its surroundings, learned while tracking. Off unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub colour: Option<colour::Settings>,
-    /// How the first layer, an RBM, is trained while tracking; not at all unless given.
+    /// Training of the first layer, an RBM, while tracking. Off unless given.
     #[cfg(feature = "learn")]
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub online_training: Option<crate::identity::online::Settings>,
-    /// What moves the box that is told to where the target's borders are; nothing unless given.
+    /// The box regression: it moves the reported box to the borders of the target. Off unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub box_regression: Option<box_regression::Settings>,
     /// Where it looks for what the target could be mistaken for; among the particles only unless given.

@@ -77,7 +77,7 @@ impl Exp3 {
     }
     /// Multiplies the published η by `haste`, 0.001 to 1000. The theorems hold up to 1; if rewards differ little, a larger value learns
     /// sooner.
-    pub fn hasty(self, haste: f64) -> Result<Self> {
+    pub fn with_haste(self, haste: f64) -> Result<Self> {
         within("exp3: haste", haste, 1e-3, 1e3)?;
         Ok(Self { haste, ..self })
     }
@@ -176,7 +176,7 @@ mod tests {
     fn all_variants_conform() {
         for variant in VARIANTS {
             conformance::policy(&move || Box::new(exp3(variant, 0.2)));
-            conformance::policy(&move || Box::new(exp3(variant, 1.0).hasty(20.0).expect("in range")));
+            conformance::policy(&move || Box::new(exp3(variant, 1.0).with_haste(20.0).expect("in range")));
             conformance::policy(&move || {
                 Box::new(Exp3::new(vec![Gaze::CENTRE], variant, 0.5).expect("one gaze will do"))
             });
@@ -188,7 +188,7 @@ mod tests {
             assert!(Exp3::new(vec![], variant, 0.5).is_err());
             for wrong in [0.0, -1.0, 1.1, f64::NAN, f64::INFINITY] {
                 assert!(Exp3::new(vec![Gaze::CENTRE], variant, wrong).is_err());
-                assert!(wrong == 1.1 || exp3(variant, 0.1).hasty(wrong).is_err());
+                assert!(wrong == 1.1 || exp3(variant, 0.1).with_haste(wrong).is_err());
             }
         }
         assert!(Exp3::new(vec![Gaze::CENTRE], Variant::AsPrinted, Schedule::Anytime).is_err());

@@ -83,8 +83,8 @@ mod tests {
         for (gamma, forget, looks, word) in
             [(0.0, 0.1, 1.0, "gamma"), (1.0, 1.5, 1.0, "forget"), (1.0, 0.1, f64::NAN, "looks")]
         {
-            let told = Pool::new(vec![Gaze::CENTRE], gamma, forget, looks).expect_err(word).to_string();
-            assert!(told.contains(word), "{told}");
+            let refusal = Pool::new(vec![Gaze::CENTRE], gamma, forget, looks).expect_err(word).to_string();
+            assert!(refusal.contains(word), "{refusal}");
         }
         assert!(Pool::new(vec![], 1.0, 0.1, 1.0).is_err());
     }

@@ -28,9 +28,9 @@ pub trait Encoder: Any + Send + Sync {
     fn overlaps(&self, _glimpses: Rows<'_>, _root: &[f32], _totals: &mut [f32], _overlaps: &mut [f32]) -> bool {
         false
     }
-    /// Lengths of the parts of a feature vector, in their order: each tells something of its own, as gradients and colours do. One
-    /// part unless told otherwise. They add up to n_h: if not, what is learned while tracking has the wrong width and the tracker
-    /// panics, and `conformance::encoder` fails.
+    /// Lengths of the parts of a feature vector, in their order: each describes another quantity, such as gradients and colours. One
+    /// part by default. They must add up to n_h: otherwise the models learned while tracking have the wrong width, the tracker panics,
+    /// and `conformance::encoder` fails.
     fn parts(&self) -> Vec<usize> {
         vec![self.shape().1]
     }

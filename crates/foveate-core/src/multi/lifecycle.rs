@@ -123,7 +123,7 @@ impl MultiTracker {
             if (state.log_scale - target.track.state.log_scale).abs() > size {
                 continue;
             }
-            let similarity = target.looking(&self.pool, |target| target.engine.similarity(image, &state));
+            let similarity = target.with_buffers(&self.pool, |target| target.engine.similarity(image, &state));
             if similarity >= best.0 {
                 best = (similarity, Some(i));
             }
@@ -137,7 +137,7 @@ impl MultiTracker {
         }
         self.check_room(1, &bbox, (image.width(), image.height()))?;
         let mut target = Target::new((self.make)(id), Target::unknown(id));
-        target.looking(&self.pool, |target| target.engine.init(image, bbox))?;
+        target.with_buffers(&self.pool, |target| target.engine.init(image, bbox))?;
         target.begin(self.frame, bbox, Phase::Initiated);
         self.next_id = self.next_id.max(id + 1);
         self.terminated.retain(|t| t.track.id != id);
@@ -154,7 +154,7 @@ impl MultiTracker {
 #[cfg(test)]
 mod tests {
     use super::super::settings::{Initiation, Settings};
-    use super::super::{Fresh, Make, Room};
+    use super::super::{Fresh, Make, MemoryEstimate};
     use super::*;
     use crate::engine::Engine;
     use crate::engine::toy::{Toy, parts, picture, target};
@@ -165,7 +165,8 @@ mod tests {
     fn targets(initiation: Initiation) -> MultiTracker {
         let make: Make = Box::new(|id| Engine::new(parts(Toy::at(50.0)), 1, id));
         let fresh: Fresh = Box::new(Preprocessor::default);
-        let (settings, room) = (Settings { initiation, ..Settings::default() }, Room { kept: 0, look: 0, reach: 1.0 });
+        let (settings, room) =
+            (Settings { initiation, ..Settings::default() }, MemoryEstimate { kept: 0, look: 0, reach: 1.0 });
         let mut it = MultiTracker::of(Origin::by_hand(1), settings, room, make, fresh);
         it.add(&picture(), None, target(50.0)).expect("a box in the picture");
         it

@@ -7,12 +7,12 @@ use crate::engine::Buffers;
 
 /// The free buffers, and the flag that stops the tracker.
 #[derive(Default)]
-pub(super) struct Pool {
+pub(super) struct BufferPool {
     free: Mutex<Vec<Buffers>>,
     pub stop: Arc<AtomicBool>,
 }
 
-impl Pool {
+impl BufferPool {
     /// Takes buffers out of the pool; `put` returns them.
     pub(super) fn take(&self) -> Buffers {
         self.free().pop().unwrap_or_default()

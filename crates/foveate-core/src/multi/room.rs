@@ -4,7 +4,7 @@ use crate::geometry::BBox;
 
 /// Approximate bytes per target.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Room {
+pub(crate) struct MemoryEstimate {
     /// Bytes that a target keeps between frames, beside its template.
     pub kept: u64,
     /// Bytes that a look needs, in each thread.
@@ -13,7 +13,7 @@ pub(crate) struct Room {
     pub reach: f64,
 }
 
-impl Room {
+impl MemoryEstimate {
     /// Returns the bytes of `n` targets and another one in this box, with the buffers of all threads, in pictures of three planes.
     pub(crate) fn with(&self, n: usize, bbox: &BBox, size: (usize, usize)) -> u64 {
         let area = 3.0 * bbox.w * bbox.h * (self.reach * self.reach);

@@ -210,7 +210,7 @@ impl SavedTarget {
         }
         let mut target =
             Target { lost, unseen, hidden, terminated, shape, surprise, ..Target::new(engine, track.seen()) };
-        target.looking(&trackers.pool, |_| ());
+        target.with_buffers(&trackers.pool, |_| ());
         Ok(target)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::attention::Candidate;
 use super::edge;
-use super::pool::Pool;
+use super::pool::BufferPool;
 use super::settings::Settings;
 use crate::engine::Engine;
 use crate::geometry::{BBox, Extent, State};
@@ -77,7 +77,7 @@ impl Target {
     }
 
     /// Runs `look` with buffers of the pool, whose contents do not matter.
-    pub(super) fn looking<T>(&mut self, pool: &Pool, look: impl FnOnce(&mut Self) -> T) -> T {
+    pub(super) fn with_buffers<T>(&mut self, pool: &BufferPool, look: impl FnOnce(&mut Self) -> T) -> T {
         let mut room = pool.take();
         self.engine.exchange(&mut room);
         let seen = look(self);
@@ -89,9 +89,9 @@ impl Target {
     }
 
     /// Returns the similarity of the picture at the predicted place to the target, 0 to 1.
-    pub(super) fn similarity_ahead(&mut self, image: &Image, pool: &Pool) -> f64 {
+    pub(super) fn similarity_ahead(&mut self, image: &Image, pool: &BufferPool) -> f64 {
         let next = self.next();
-        self.looking(pool, |target| target.engine.similarity(image, &next))
+        self.with_buffers(pool, |target| target.engine.similarity(image, &next))
     }
 
     /// Returns the same box in the target's present shape.

@@ -338,7 +338,7 @@ fn damaged_clips_do_not_panic() {
 }
 
 /// How a file is read by a decoder of choice: its facts, each frame's checksum and time, and the error at the end.
-fn told(path: &Path, decoder: crate::Decoder) -> (SourceInfo, Vec<(u64, String)>, Option<String>) {
+fn decoded(path: &Path, decoder: crate::Decoder) -> (SourceInfo, Vec<(u64, String)>, Option<String>) {
     let mut video = VideoFile::open_with(path, &Options { decoder, ..Options::default() }).expect("a video");
     let (info, mut frames, mut error) = (video.info().clone(), vec![], None);
     for frame in &mut video {
@@ -392,7 +392,7 @@ fn the_pixels_do_not_depend_on_the_decoder() {
     std::fs::write(&cut, &bytes[..bytes.len() * 3 / 4]).expect("a writable folder");
     files.push(cut);
     for path in files {
-        let (ours, theirs) = (told(&path, Builtin), told(&path, Ffmpeg));
+        let (ours, theirs) = (decoded(&path, Builtin), decoded(&path, Ffmpeg));
         let name = path.display();
         assert!(theirs.0.reader.contains("ffmpeg") && !ours.0.reader.contains("ffmpeg"), "{name}: {}", theirs.0.reader);
         assert_eq!(
@@ -458,7 +458,7 @@ fn pixels_are_square() {
     let turned = format!("-i {}/wide.mp4 -map 1 -c copy -metadata:s:v rotate=90", dir.path().display());
     files.extend(made(dir.path(), "turned.mp4", &turned).map(|path| (path, (84, 142))));
     for (path, size) in files {
-        let (ours, theirs) = (told(&path, Builtin), told(&path, Ffmpeg));
+        let (ours, theirs) = (decoded(&path, Builtin), decoded(&path, Ffmpeg));
         assert_eq!((ours.0.width, ours.0.height), size, "{}", path.display());
         assert_eq!((theirs.0.width, theirs.0.height), size, "{}", path.display());
         assert!(ours.1.len() == 24 && ours.1 == theirs.1, "{}", path.display());
@@ -482,7 +482,7 @@ fn a_change_of_size_is_called_so_by_every_decoder() {
         let options = format!("-i {}/both.h264 -map 1 -c copy", dir.path().display());
         let path = made(dir.path(), "both.mp4", &options).expect("made before");
         for decoder in [Builtin, Ffmpeg, Auto] {
-            let (info, frames, error) = told(&path, decoder);
+            let (info, frames, error) = decoded(&path, decoder);
             let error = error.expect("another size");
             assert_eq!((info.width, info.height, frames.len()), (96, 64, 24), "{size} by {decoder:?}: {error}");
             let found = size.replace('x', " x ");
@@ -523,6 +523,6 @@ fn a_cover_is_no_video() {
     let still = made(dir.path(), "cover.jpg", "-frames:v 1").expect("made before");
     let options = format!("-i {} -i {} -map 1 -map 2 -c copy", still.display(), plain.display());
     let cover = made(dir.path(), "cover.mp4", &options).expect("made before");
-    let (wanted, found) = (told(&plain, crate::Decoder::Builtin), told(&cover, crate::Decoder::Builtin));
+    let (wanted, found) = (decoded(&plain, crate::Decoder::Builtin), decoded(&cover, crate::Decoder::Builtin));
     assert!(wanted.1.len() == 24 && found.1 == wanted.1, "{} frames", found.1.len());
 }

@@ -129,7 +129,7 @@ pub(crate) fn random_recogniser() -> (tempfile::TempDir, String) {
 }
 
 /// The same configuration with this recogniser; `policy` as TOML, or empty for the usual one.
-pub(crate) fn recognising(blueprint: &Blueprint, weights: &str, accumulate: &str, policy: &str) -> Blueprint {
+pub(crate) fn with_recogniser(blueprint: &Blueprint, weights: &str, accumulate: &str, policy: &str) -> Blueprint {
     let policy = if policy.is_empty() { String::new() } else { format!(", policy = {policy}") };
     let text = format!(
         "{}\n[recogniser]\nkind = \"multi-fixation\"\nweights = '{weights}'\naccumulate = {accumulate}\n",

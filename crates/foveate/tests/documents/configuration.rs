@@ -132,7 +132,7 @@ fn section(items: &[Item], name: &str, item: &Item) -> String {
             format!("\n{}", part.list(fields))
         }
         Body::Enum(variants) => {
-            let (mut out, mut told, mut shown) = (String::new(), vec![], vec![]);
+            let (mut out, mut message, mut shown) = (String::new(), vec![], vec![]);
             for variant in variants {
                 let fields = match &variant.holds {
                     Some(kind) => match &resolve(items, kind).expect("a struct of settings").body {
@@ -155,9 +155,9 @@ fn section(items: &[Item], name: &str, item: &Item) -> String {
                     out += &format!("\n{}", list(&new));
                 }
                 shown.extend(new);
-                for field in fields.iter().filter(|field| !told.contains(&field.kind)).collect::<Vec<_>>() {
+                for field in fields.iter().filter(|field| !message.contains(&field.kind)).collect::<Vec<_>>() {
                     out += &part.words(field);
-                    told.push(field.kind.clone());
+                    message.push(field.kind.clone());
                 }
             }
             out

@@ -17,8 +17,8 @@ fn cut_files_are_refused() {
     let file = deep(3);
     let places = (0..15).map(|k| k * file.len() / 15).chain([1, 2, file.len() - 1, file.len() - 2]);
     for at in places {
-        let told = said(check(RETINA, ONNX, &file[..at]));
-        assert!(told.contains("a.onnx"), "{at} of {} bytes: {told:?}", file.len());
+        let message = said(check(RETINA, ONNX, &file[..at]));
+        assert!(message.contains("a.onnx"), "{at} of {} bytes: {message:?}", file.len());
     }
     assert_eq!(said(check(RETINA, ONNX, &file)), "");
 }
@@ -54,12 +54,12 @@ fn no_network_is_told_in_words() {
     for (file, part) in
         [(&b""[..], "no"), (b"a text that is no network", "ONNX"), (&[0xff; 64], "ONNX"), (&deep(1)[..9], "ONNX")]
     {
-        let told = said(check(RETINA, ONNX, file));
-        assert!(told.contains("a.onnx") && told.contains(part), "{told:?}");
+        let message = said(check(RETINA, ONNX, file));
+        assert!(message.contains("a.onnx") && message.contains(part), "{message:?}");
     }
     let unknown = Network::new(&[0, 1024], &[0, 1024]).node("Teleport", &["x"], "y", &[]).file();
-    let told = said(check(RETINA, ONNX, &unknown));
-    assert!(told.contains("a.onnx") && told.contains("Teleport"), "{told}");
+    let message = said(check(RETINA, ONNX, &unknown));
+    assert!(message.contains("a.onnx") && message.contains("Teleport"), "{message}");
     let nowhere = Network::new(&[0, 1024], &[0, 1024]).node("Identity", &["x"], "z", &[]).file();
     assert!(said(check(RETINA, ONNX, &nowhere)).contains("a.onnx"));
     let random = Network::new(&[0, 1024], &[0, 1024])
@@ -79,7 +79,7 @@ fn memory_is_asked_for() {
         .node("Expand", &["flat", "sides"], "e", &[])
         .node("ReduceSum", &["e"], "y", &[Attribute::Int("keepdims", 1)])
         .file();
-    let told = said(check(RETINA, ONNX, &large));
-    assert!(told.contains("a.onnx") && told.contains("--max-memory"), "{told}");
+    let message = said(check(RETINA, ONNX, &large));
+    assert!(message.contains("a.onnx") && message.contains("--max-memory"), "{message}");
     assert!(memory::limit() > 0);
 }

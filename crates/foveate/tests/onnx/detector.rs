@@ -119,8 +119,8 @@ fn it_keeps_the_law() {
 fn what_does_not_fit_is_told() {
     let (sides, numbers, scored) = yolov8(&ROWS);
     let says = |settings: &Settings, file: &[u8], parts: &[&str]| {
-        let told = said(DetectorConfig::Onnx(settings.clone()).read(&File(file.to_vec())));
-        assert!(parts.iter().all(|part| told.contains(part)), "{told:?} has not {parts:?}");
+        let message = said(DetectorConfig::Onnx(settings.clone()).read(&File(file.to_vec())));
+        assert!(parts.iter().all(|part| message.contains(part)), "{message:?} has not {parts:?}");
     };
     let auto = settings(Layout::Auto);
     let of = |input: &[i64], sides: &[i64]| boxes(input, sides, &numbers, &scored);

@@ -160,17 +160,20 @@ fn glimpses_do_not_meet() {
     // Alone, a glimpse is its own mean.
     let v = glimpses(5, 144);
     assert_eq!(features(&*encoder(ONE, ONNX, &mixing(0)), &v), v);
-    let told = said(check(ONE, ONNX, &mixing(4)));
-    assert!(told.contains("a.onnx") && told.contains("beside it") && told.contains("model.eval()"), "{told}");
+    let message = said(check(ONE, ONNX, &mixing(4)));
+    assert!(
+        message.contains("a.onnx") && message.contains("beside it") && message.contains("model.eval()"),
+        "{message}"
+    );
 }
 
 /// The file of a model is asked for as any other is, and what does not fit is told with both sides.
 #[test]
 fn what_does_not_fit_is_told() {
     let says = |retina: &str, kind: &str, file: &[u8], parts: &[&str]| {
-        let told = said(check(retina, kind, file));
+        let message = said(check(retina, kind, file));
         for part in parts.iter().chain(&["a.onnx"]) {
-            assert!(told.contains(part), "{told:?} has no {part:?}");
+            assert!(message.contains(part), "{message:?} has no {part:?}");
         }
     };
     let fits_not = ["(N, 3, 32, 32)", "does not fit", "rings = [[32, 1]], colour = [[32, 1]]"];
@@ -188,31 +191,31 @@ fn what_does_not_fit_is_told() {
     let whole = Network::new(&[0, 144], &[144]).node("ReduceSum", &["x"], "y", &[Attribute::Int("keepdims", 0)]);
     says(ONE, ONNX, &whole.file(), &["its output is ()", "one row of features for each"]);
     let two = "{ kind = \"onnx\", model = \"a.onnx\", mean = [0.5, 0.5] }";
-    let told = said(check(ONE, two, &identity(&[0, 1, 12, 12])));
-    assert!(told.contains("encoder.mean has 2 numbers") && told.contains("1 planes"), "{told}");
+    let message = said(check(ONE, two, &identity(&[0, 1, 12, 12])));
+    assert!(message.contains("encoder.mean has 2 numbers") && message.contains("1 planes"), "{message}");
     let zero = "{ kind = \"onnx\", model = \"a.onnx\", std = [0] }";
-    let told = said(check(ONE, zero, &identity(&[0, 1, 12, 12])));
-    assert!(told.contains("encoder.std is a number from"), "{told}");
+    let message = said(check(ONE, zero, &identity(&[0, 1, 12, 12])));
+    assert!(message.contains("encoder.std is a number from"), "{message}");
     let none = Config::parse(
         "particles = 9\ndynamics = { kind = \"autoregressive\" }\nencoder = { kind = \"onnx\", model = \"a.onnx\" }\n\
          likelihood = { distance = \"cosine\", sharpness = 1 }\npolicy = { kind = \"fixed\" }\n",
         "test",
     );
-    let told = said(none.expect("it parses").check(&File(identity(&[0, 9]))));
-    assert!(told.contains("needs a retina"), "{told}");
+    let message = said(none.expect("it parses").check(&File(identity(&[0, 9]))));
+    assert!(message.contains("needs a retina"), "{message}");
     let missing = check(ONE, "{ kind = \"raw\" }", &[]).expect("a raw encoder");
     let config =
         missing.config().clone().set("encoder={ kind = \"onnx\", model = \"no/such.onnx\" }").expect("a setting");
-    let told = config.check(&Nowhere).map(drop).expect_err("no such file").to_string();
-    assert!(told.contains("no/such.onnx: cannot read"), "{told}");
+    let message = config.check(&Nowhere).map(drop).expect_err("no such file").to_string();
+    assert!(message.contains("no/such.onnx: cannot read"), "{message}");
 }
 
 /// Weights that are no numbers are refused; numbers that overflow only for some glimpses become a row of zeros.
 #[test]
 fn numbers_that_are_none_stay_out() {
     for bad in [f32::NAN, f32::INFINITY] {
-        let told = said(check(ONE, ONNX, &linear(0, 144, 2, &[bad; 288], &[0.0; 2])));
-        assert!(told.contains("not finite"), "{told}");
+        let message = said(check(ONE, ONNX, &linear(0, 144, 2, &[bad; 288], &[0.0; 2])));
+        assert!(message.contains("not finite"), "{message}");
     }
     // The root of 1.5 less each value.
     let network = Network::new(&[0, 144], &[0, 144])

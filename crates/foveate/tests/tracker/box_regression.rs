@@ -51,11 +51,11 @@ fn it_moves_the_box_and_nothing_else() {
     for ((with, without), still) in with.iter().zip(&without).zip(&still) {
         assert_eq!(with.1, without.1);
         assert_eq!(without, still, "a gain of 0 moves nothing");
-        let (told, mean) = (with.0, without.0);
+        let (message, mean) = (with.0, without.0);
         let (half_w, half_h) = mean.half(Extent::of(&INIT));
-        let off = [(told.x - mean.x) / half_w, (told.y - mean.y) / half_h, told.log_scale - mean.log_scale];
+        let off = [(message.x - mean.x) / half_w, (message.y - mean.y) / half_h, message.log_scale - mean.log_scale];
         assert!(off.iter().all(|x| x.abs() <= 0.85 * 0.5 + 1e-9), "no farther than half a half side: {off:?}");
-        assert_eq!((told.vx, told.vy, told.angle), (mean.vx, mean.vy, mean.angle));
+        assert_eq!((message.vx, message.vy, message.angle), (mean.vx, mean.vy, mean.angle));
         moved += usize::from(off != [0.0; 3]);
     }
     assert_eq!(moved, FRAMES - 1);
@@ -107,8 +107,8 @@ fn answers_that_are_no_numbers_move_nothing() {
         Answer { log_scale: f32::INFINITY, ..answer },
         Answer { lost: f32::NAN, ..answer },
     ] {
-        let told = boxes.moved(&image, &state, extent, Some(odd));
-        assert!(told.to_array().iter().all(|x| x.is_finite()), "{odd:?}: {told:?}");
+        let message = boxes.moved(&image, &state, extent, Some(odd));
+        assert!(message.to_array().iter().all(|x| x.is_finite()), "{odd:?}: {message:?}");
     }
 }
 

@@ -31,9 +31,9 @@ fn detections(index: usize) -> [Detection; 2] {
     [BBox { x: there.x + 14.0, y: there.y - 6.0, w: 20.0, h: 20.0 }, there].map(|bbox| Detection::new(bbox, 1.0))
 }
 
-fn step(tracker: &mut Tracker, index: usize, told: bool) -> (BBox, Vec<u64>) {
+fn step(tracker: &mut Tracker, index: usize, message: bool) -> (BBox, Vec<u64>) {
     let (frame, detections) = (frame(index, 1), detections(index));
-    let step = match told {
+    let step = match message {
         true => tracker.update_with(&frame.image, &detections),
         false => tracker.update(&frame.image),
     };

@@ -3,7 +3,7 @@
 use foveate::files::Folder;
 use std::path::Path;
 
-use crate::common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
+use crate::common::{INIT, POLICIES, blueprint, frame, random_recogniser, with_recogniser};
 use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
 use foveate::video::Frame;
@@ -49,8 +49,10 @@ fn recognition_changes_no_bit_of_the_track() {
     for (policy, looking) in
         POLICIES.into_iter().zip(LOOKING.into_iter().filter(|looking| *looking != ALARMING).cycle())
     {
-        let (mut a, mut b) =
-            (started(&recognising(&raw(policy), &model, RULES[0], looking), &frames), started(&raw(policy), &frames));
+        let (mut a, mut b) = (
+            started(&with_recogniser(&raw(policy), &model, RULES[0], looking), &frames),
+            started(&raw(policy), &frames),
+        );
         for frame in &frames[1..] {
             let [a, b] = [&mut a, &mut b].map(|tracker| tracker.update(&frame.image).expect("a picture"));
             assert!(a.particles == b.particles && a.weights == b.weights && a.ancestors == b.ancestors, "{policy}");
@@ -70,7 +72,7 @@ fn what_is_recognised_survives_a_pause_and_is_forgotten_with_the_target() {
     let (frames, (_folder, model)) = (frames(), random_recogniser());
     for rule in RULES {
         for looking in LOOKING {
-            let blueprint = recognising(&raw(POLICIES[2]), &model, rule, looking);
+            let blueprint = with_recogniser(&raw(POLICIES[2]), &model, rule, looking);
             let run = |tracker: &mut Tracker, frames: &[Frame]| -> Vec<Vec<f64>> {
                 frames.iter().map(|frame| said(tracker, frame)).collect()
             };
@@ -103,7 +105,7 @@ fn what_is_recognised_survives_a_pause_and_is_forgotten_with_the_target() {
 #[test]
 fn what_does_not_fit_is_refused_by_name() {
     let (folder, model) = random_recogniser();
-    let config = recognising(&raw(POLICIES[0]), &model, RULES[2], LOOKING[4]).config().clone();
+    let config = with_recogniser(&raw(POLICIES[0]), &model, RULES[2], LOOKING[4]).config().clone();
     assert_eq!(Config::parse(&config.to_toml(), "again").expect("what was written"), config);
     let base = raw(POLICIES[0]).config().to_toml();
     let refuse = |lines: &str, words: &str| {
@@ -133,7 +135,7 @@ fn tables_traces_and_reports_say_the_class() {
         Box::new(Trace::create(at("trace.jsonl")).expect("a writable folder")),
         Box::new(Report::create(at("report.html"), info).expect("a writable folder")),
     ];
-    let mut tracker = started(&recognising(&raw(POLICIES[3]), &model, RULES[0], ""), &frames);
+    let mut tracker = started(&with_recogniser(&raw(POLICIES[3]), &model, RULES[0], ""), &frames);
     observers.observe(&frames[0], &[foveate::Seen::given(frames[0].image.shape(), &INIT)]).expect("room on the disk");
     let mut said = vec![];
     for frame in &frames[1..] {

@@ -147,6 +147,6 @@ impl Args {
         let usual = RecogniserConfig::of_model(model, &Folder::here());
         let changed = Config { recogniser: Some(usual), ..blueprint.config().clone() };
         let changed = self.changes.apart(RECOGNISER).0.make(changed)?;
-        blueprint.recognising(changed.recogniser.expect("it was put there"), &Folder::here())
+        blueprint.with_recogniser(changed.recogniser.expect("it was put there"), &Folder::here())
     }
 }

@@ -76,8 +76,8 @@ pub(super) fn run(mut args: Args) -> Result<()> {
     let total = videos.len();
     let mut finished = 0;
     for (i, (name, source)) in videos.iter().enumerate() {
-        let (out, told, first) = (root.join(name), source.to_string_lossy(), first(&args, source));
-        let done = |run: &Run| run.error.is_none() && run.source == told && run.first == first;
+        let (out, source_name, first) = (root.join(name), source.to_string_lossy(), first(&args, source));
+        let done = |run: &Run| run.error.is_none() && run.source == source_name && run.first == first;
         let done = runs.runs.get(name).is_some_and(done);
         if done && is_finished(&out) {
             finished += 1;
@@ -93,7 +93,7 @@ pub(super) fn run(mut args: Args) -> Result<()> {
         if let Some(error) = &error {
             note!("foveate: {error}");
         }
-        runs.runs.insert(name.clone(), Run { source: told.into_owned(), first, tally, error });
+        runs.runs.insert(name.clone(), Run { source: source_name.into_owned(), first, tally, error });
         runs.write(&root)?;
     }
     runs.write(&root)?;

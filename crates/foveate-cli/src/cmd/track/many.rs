@@ -125,8 +125,8 @@ impl ManyArgs {
     /// Returns whether the arguments ask for many targets, apart from several --init.
     pub(super) fn asked(&self) -> bool {
         // Detector options are refused later if there is no detector.
-        let told = self.least.is_some() || !self.classes.is_empty() || self.layout.is_some();
+        let has_options = self.least.is_some() || !self.classes.is_empty() || self.layout.is_some();
         let files = self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some();
-        self.detect.is_some() || files || told
+        self.detect.is_some() || files || has_options
     }
 }
