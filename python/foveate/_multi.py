@@ -26,9 +26,9 @@ class Target:
     phase: str
     """"initiated", "re-identified", "tracked", "occluded" or "lost"."""
     state: Floats
-    """x, y, vx, vy, log scale, angle, shape (6,)."""
+    """x, y, vx, vy, log scale, angle, log aspect, shape (7,)."""
     covariance: Floats
-    """Its covariance, shape (6, 6)."""
+    """Its covariance, shape (7, 7)."""
     visible: float
     """Share that no other target covers, 0 to 1."""
     deficit: float
@@ -62,9 +62,9 @@ class Targets:
     phases: list[str]
     """"initiated", "re-identified", "tracked", "occluded" or "lost"."""
     states: Floats
-    """x, y, vx, vy, log scale, angle, shape (n, 6)."""
+    """x, y, vx, vy, log scale, angle, log aspect, shape (n, 7)."""
     covariances: Floats
-    """Their covariances, shape (n, 6, 6)."""
+    """Their covariances, shape (n, 7, 7)."""
     gazes: Floats
     """The chosen gazes, template units, shape (n, 2)."""
     visible: Floats

@@ -74,12 +74,12 @@ class Result(tuple[bool, Box]):
 
     @property
     def state(self) -> State:
-        """Mean of the belief, moved by the box regression where there is one: centre, velocity, log scale, angle."""
+        """Mean of the belief, moved by the box regression where there is one: centre, velocity, log scale, angle, log aspect."""
         return self._estimate.state
 
     @property
     def covariance(self) -> _Floats:
-        """Covariance of the belief over x, y, vx, vy, log scale, angle; float64, shape (6, 6)."""
+        """Covariance of the belief over x, y, vx, vy, log scale, angle, log aspect; float64, shape (7, 7)."""
         return self._estimate.covariance
 
     @property
@@ -94,7 +94,7 @@ class Result(tuple[bool, Box]):
 
     @property
     def particles(self) -> _Floats:
-        """The predicted particles; float64, shape (n, 6): x, y, vx, vy, log scale, angle."""
+        """The predicted particles; float64, shape (n, 7): x, y, vx, vy, log scale, angle, log aspect."""
         return self._estimate.particles
 
     @property

@@ -200,7 +200,7 @@ class Run:
         """A pandas DataFrame with a row for each picture.
 
         Columns: frame (from 0), time (s), left, top, width, height (pixels from 0), ok, status, p_lost, x, y, vx, vy, log_scale,
-        angle (the state), sd_x, sd_y (standard deviations of the centre, pixels), ess.
+        angle, log_aspect (the state), sd_x, sd_y (standard deviations of the centre, pixels), ess.
 
         Raises
         ------
@@ -217,7 +217,7 @@ class Run:
         }
         columns |= dict(zip(("left", "top", "width", "height"), self.boxes.T))
         columns |= {"ok": [r.ok for r in self.results], "status": [r.status for r in self.results], "p_lost": self.p_lost}
-        columns |= dict(zip(State._fields, np.array([r.state for r in self.results], dtype=np.float64).reshape(-1, 6).T))
+        columns |= dict(zip(State._fields, np.array([r.state for r in self.results], dtype=np.float64).reshape(-1, len(State._fields)).T))
         deviations = np.sqrt([np.diag(r.covariance)[:2] for r in self.results]).reshape(-1, 2)
         columns |= {"sd_x": deviations[:, 0], "sd_y": deviations[:, 1], "ess": [r.ess for r in self.results]}
         return pandas.DataFrame(columns)

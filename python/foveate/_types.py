@@ -56,6 +56,8 @@ class State(NamedTuple):
     """Natural logarithm of size relative to the first frame."""
     angle: float
     """Turn relative to the first frame, radians, from x towards y."""
+    log_aspect: float
+    """Natural logarithm of width / height relative to the first frame, at the same area."""
 
 
 class Region(NamedTuple):

@@ -2,6 +2,7 @@
 
 use foveate::MultiTracker;
 use foveate::Seen;
+use foveate::geometry::State;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::exceptions::PyKeyError;
@@ -191,9 +192,9 @@ fn arrays<'py>(
         let b = &targets[i].bbox;
         [b.x, b.y, b.w, b.h][j]
     });
-    let states = Array2::from_shape_fn((n, 6), |(i, j)| targets[i].state.to_array()[j]);
+    let states = Array2::from_shape_fn((n, State::N), |(i, j)| targets[i].state.to_array()[j]);
     let gazes = Array2::from_shape_fn((n, 2), |(i, j)| [targets[i].gaze.u, targets[i].gaze.v][j]);
-    let covariances = Array3::from_shape_fn((n, 6, 6), |(i, j, k)| targets[i].covariance[j][k]);
+    let covariances = Array3::from_shape_fn((n, State::N, State::N), |(i, j, k)| targets[i].covariance[j][k]);
     let all = PyDict::new(py);
     all.set_item("ids", PyArray1::from_iter(py, targets.iter().map(|t| t.id as i64)))?;
     all.set_item("boxes", boxes.into_pyarray(py))?;

@@ -1,6 +1,6 @@
 //! The estimate of the target in one picture, kept for Python.
 
-use foveate::geometry::State;
+use foveate::geometry::{Covariance, State};
 use foveate::seen::Region;
 use foveate::{BBox, Status};
 use numpy::ndarray::Array2;
@@ -21,7 +21,7 @@ pub struct Seen {
     status: Status,
     p_lost: f64,
     state: State,
-    covariance: [[f64; 6]; 6],
+    covariance: Covariance,
     one_sd: Region,
     ess: f64,
     log_evidence: f64,
@@ -113,14 +113,14 @@ pub(crate) fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Es
     let known = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired];
     let status = known.into_iter().find(|known| known.name() == status);
     let [gazes, rewards, particles, weights] = arrays.map(|array| array.as_array().iter().copied().collect::<Vec<_>>());
-    let (Some(status), Ok(numbers)) = (status, <[f64; 56]>::try_from(numbers)) else {
+    let (Some(status), Ok(numbers)) = (status, <[f64; 14 + State::N + State::N * State::N]>::try_from(numbers)) else {
         return Err(input(py, "this is no pickle of a result"));
     };
     let [x, y, w, h, p_lost, ess, log_evidence, u, v, cx, cy, major, minor, turn, rest @ ..] = numbers;
-    let covariance = std::array::from_fn(|i| std::array::from_fn(|j| rest[6 + 6 * i + j]));
+    let covariance = std::array::from_fn(|i| std::array::from_fn(|j| rest[State::N * (i + 1) + j]));
     let state = State::from_array(std::array::from_fn(|i| rest[i]));
     let one_sd = Region { x: cx, y: cy, half: [major, minor], turn };
-    if gazes.len() % 2 + particles.len() % 6 > 0 {
+    if gazes.len() % 2 + particles.len() % State::N > 0 {
         return Err(input(py, "this is no pickle of a result"));
     }
     let (bbox, gaze) = (BBox::new(x, y, w, h), (u, v));
@@ -204,7 +204,7 @@ impl Estimate {
     }
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let rows = Array2::from_shape_fn((6, 6), |(i, j)| self.seen.covariance[i][j]);
+        let rows = Array2::from_shape_fn((State::N, State::N), |(i, j)| self.seen.covariance[i][j]);
         rows.into_pyarray(py)
     }
     #[getter]
@@ -217,7 +217,7 @@ impl Estimate {
     }
     #[getter]
     fn particles<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        self.particles.get(py, 6)
+        self.particles.get(py, State::N)
     }
     #[getter]
     fn weights<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {

@@ -24,7 +24,7 @@ def test_detections_start_and_hold_a_track(pictures: Any) -> None:
         targets = tracker.update(pictures[t], detections(t))
     assert targets.ids.tolist() == [1] and targets.boxes.shape == (1, 4) and targets.ok.tolist() == [True]
     assert abs(targets.boxes[0, 0] - 97) < 3 and targets.phases == ["tracked"]
-    assert targets.states.shape == (1, 6) and targets.covariances.shape == (1, 6, 6) and targets.gazes.shape == (1, 2)
+    assert targets.states.shape == (1, 7) and targets.covariances.shape == (1, 7, 7) and targets.gazes.shape == (1, 2)
     np.testing.assert_allclose(targets.xyxy[0, 2:], targets.boxes[0, :2] + targets.boxes[0, 2:])
     assert [(i, type(b)) for i, b in targets] == [(1, foveate.Box)]
     assert "targets=1" in repr(tracker)

@@ -37,7 +37,7 @@ def test_an_answer_is_a_tuple_of_two(pictures: Any) -> None:
 def test_the_picture_of_the_given_box(pictures: Any) -> None:
     seen = foveate.Tracker("fast").init(pictures[0], FIRST)
     assert (seen.ok, tuple(seen.box), seen.p_lost, seen.status) == (True, FIRST, 0, "tracking")
-    assert seen.particles.shape == (0, 6) and seen.weights.shape == (0,) and seen.gazes.shape == (0, 2)
+    assert seen.particles.shape == (0, 7) and seen.weights.shape == (0,) and seen.gazes.shape == (0, 2)
     # The centre of the top-left pixel is (0, 0).
     assert seen.state[:2] == (51.5, 41.5) and not seen.covariance.any() and seen.region().major == 0
     assert "svg" in seen._repr_html_()

@@ -34,7 +34,7 @@ def test_a_square_is_followed(pictures: Any) -> None:
         assert abs(box.x - 40 - 3 * t) < 2 and abs(box.y - 30 - t) < 2
         assert seen.status == "tracking" and 0 <= seen.p_lost < 0.5
     n = len(seen.weights)
-    assert n == 300 and seen.particles.shape == (n, 6) and seen.covariance.shape == (6, 6)
+    assert n == 300 and seen.particles.shape == (n, 7) and seen.covariance.shape == (7, 7)
     mean = (seen.weights[:, None] * seen.particles).sum(axis=0)
     np.testing.assert_allclose(mean[:5], np.array(seen.state)[:5], atol=1e-6)
     np.testing.assert_allclose(seen.weights.sum(), 1)

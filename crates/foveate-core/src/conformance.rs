@@ -236,7 +236,14 @@ pub fn retina(retina: &dyn Retina) {
     let extent = Extent { half_w: 7.0, half_h: 5.0 };
     for i in 0..20 {
         let mut at = || 3.0 * normal(&mut rng);
-        let state = State { x: 20.0 + at(), y: 15.0 + at(), log_scale: 0.1 * at(), angle: at(), ..State::default() };
+        let state = State {
+            x: 20.0 + at(),
+            y: 15.0 + at(),
+            log_scale: 0.1 * at(),
+            angle: at(),
+            log_aspect: 0.1 * at(),
+            ..State::default()
+        };
         let gaze = Gaze { u: 0.1 * at(), v: 0.1 * at(), arm: None };
         let look = |image: &Image, dirt: f32| {
             let region = Region::covering(image, &[state], &[gaze], extent, reach);

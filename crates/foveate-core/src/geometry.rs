@@ -94,7 +94,7 @@ impl BBox {
     }
 }
 
-/// Half the size of the target's box at `log_scale` 0, in pixels per template unit.
+/// Half the size of the target's box at `log_scale` and `log_aspect` 0, in pixels per template unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Halves")]
 pub struct Extent {
@@ -134,6 +134,9 @@ impl Extent {
     }
 }
 
+/// The covariance of a state, in the order of its fields.
+pub type Covariance = [[f64; State::N]; State::N];
+
 /// xₜ: what a particle believes of the target (section 3.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Believed")]
@@ -150,6 +153,8 @@ pub struct State {
     pub log_scale: f64,
     /// Turn relative to the first frame, radians, positive from x towards y (clockwise on the screen).
     pub angle: f64,
+    /// Natural logarithm of width / height relative to the first frame, at the same area.
+    pub log_aspect: f64,
 }
 
 /// A state as it was saved.
@@ -161,40 +166,52 @@ struct Believed {
     vy: f64,
     log_scale: f64,
     angle: f64,
+    log_aspect: f64,
 }
 
 impl TryFrom<Believed> for State {
     type Error = String;
 
     fn try_from(saved: Believed) -> std::result::Result<Self, String> {
-        let Believed { x, y, vx, vy, log_scale, angle } = saved;
-        if [x, y, vx, vy, angle].iter().any(|v| v.abs() > 1e12) || log_scale.abs() > 64.0 {
+        let Believed { x, y, vx, vy, log_scale, angle, log_aspect } = saved;
+        if [x, y, vx, vy, angle].iter().any(|v| v.abs() > 1e12) || log_scale.abs().max(log_aspect.abs()) > 64.0 {
             return Err(format!(
-                "a state is six numbers up to 1e12, the logarithm of its scale up to 64; one is {x}, {y}, {vx}, {vy}, {log_scale}, {angle}"
+                "a state is seven numbers up to 1e12, the logarithms of its scale and aspect up to 64; one is {x}, {y}, {vx}, {vy}, \
+                 {log_scale}, {angle}, {log_aspect}"
             ));
         }
-        Ok(Self { x, y, vx, vy, log_scale, angle })
+        Ok(Self { x, y, vx, vy, log_scale, angle, log_aspect })
     }
 }
 
 impl State {
+    /// How many numbers it is.
+    pub const N: usize = 7;
     /// At rest at the centre of a box, with its size and no turn.
     pub fn of(bbox: &BBox) -> Self {
         let (x, y) = bbox.centre();
         Self { x, y, ..Self::default() }
     }
-    /// The six numbers in the order of the fields.
-    pub fn to_array(&self) -> [f64; 6] {
-        [self.x, self.y, self.vx, self.vy, self.log_scale, self.angle]
+    /// The numbers in the order of the fields.
+    pub fn to_array(&self) -> [f64; Self::N] {
+        [self.x, self.y, self.vx, self.vy, self.log_scale, self.angle, self.log_aspect]
     }
-    /// From six numbers in the order of the fields.
-    pub fn from_array([x, y, vx, vy, log_scale, angle]: [f64; 6]) -> Self {
-        Self { x, y, vx, vy, log_scale, angle }
+    /// From numbers in the order of the fields.
+    pub fn from_array([x, y, vx, vy, log_scale, angle, log_aspect]: [f64; Self::N]) -> Self {
+        Self { x, y, vx, vy, log_scale, angle, log_aspect }
+    }
+    /// The extent of the first frame in the shape of this state: the same area, another width / height.
+    pub fn shaped(&self, extent: Extent) -> Extent {
+        if self.log_aspect == 0.0 {
+            return extent;
+        }
+        let wider = (0.5 * self.log_aspect).exp();
+        Extent { half_w: wider * extent.half_w, half_h: extent.half_h / wider }
     }
     /// Half the width and height of the target's box, pixels: one template unit across and down.
     pub fn half(&self, extent: Extent) -> (f64, f64) {
-        let scale = self.log_scale.exp();
-        (scale * extent.half_w, scale * extent.half_h)
+        let (scale, Extent { half_w, half_h }) = (self.log_scale.exp(), self.shaped(extent));
+        (scale * half_w, scale * half_h)
     }
     /// The upright box of the target: its size, not the bounding box of the turned one.
     pub fn bbox(&self, extent: Extent) -> BBox {
@@ -259,4 +276,39 @@ pub struct Fixation {
     pub vx: f64,
     /// y of one unit of v, pixels.
     pub vy: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two states of one size and turn but of another shape: the corners of each are where half its width and height lead, and the areas
+    /// are the same.
+    #[test]
+    fn a_gaze_falls_where_the_half_sizes_lead() {
+        let extent = Extent { half_w: 20.0, half_h: 10.0 };
+        let upright = State { x: 5.0, y: 7.0, log_scale: 2f64.ln(), angle: 0.3, ..State::default() };
+        let wide = State { log_aspect: 4f64.ln(), ..upright };
+        for (state, (w, h)) in [(upright, (40.0, 20.0)), (wide, (80.0, 10.0))] {
+            let (sin, cos) = 0.3f64.sin_cos();
+            for (u, v) in [(1.0, 1.0), (-1.0, 1.0), (0.5, -0.25), (0.0, 0.0)] {
+                let at = state.fixate(Gaze { u, v, arm: None }, extent);
+                let exact = (5.0 + cos * w * u - sin * h * v, 7.0 + sin * w * u + cos * h * v);
+                assert!((at.x - exact.0).hypot(at.y - exact.1) < 1e-12, "({u}, {v}) is at {at:?}, not {exact:?}");
+                assert!((at.ux.hypot(at.uy) - w).abs() < 1e-12 && (at.vx.hypot(at.vy) - h).abs() < 1e-12);
+            }
+            let BBox { w: width, h: height, .. } = state.bbox(extent);
+            assert!((width - 2.0 * w).abs() < 1e-12 && (height - 2.0 * h).abs() < 1e-12);
+        }
+        assert_eq!(State::from_array(wide.to_array()), wide);
+    }
+
+    #[test]
+    fn a_saved_state_is_within_bounds() {
+        let read = |log_aspect: f64| {
+            serde_json::from_value::<State>(serde_json::json!(State { log_aspect, ..State::default() }))
+        };
+        assert_eq!(read(-0.5).expect("a usual shape").log_aspect, -0.5);
+        assert!(read(65.0).expect_err("no picture has it").to_string().contains("aspect up to 64"));
+    }
 }

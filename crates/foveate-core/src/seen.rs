@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::control::{Belief, Consistency, Cues, Status};
 use crate::gaze::{Plan, PolicySnapshot};
-use crate::geometry::{BBox, Extent, Gaze, State};
+use crate::geometry::{BBox, Covariance, Extent, Gaze, State};
 use crate::identity::Percept;
 use crate::identity::accumulate::likeliest;
 use crate::scene::{Detection, Image};
@@ -80,7 +80,7 @@ pub struct Seen<'a> {
     /// frame, angle.
     pub state: State,
     /// Covariance of the belief over x, y, vx, vy, log scale, angle.
-    pub covariance: [[f64; 6]; 6],
+    pub covariance: Covariance,
     /// Half the size of the target's box at scale 1, pixels: `state.fixate(gaze, extent)` is the place of a gaze.
     pub extent: Extent,
     /// The chosen gaze, template units.
@@ -177,7 +177,7 @@ impl Seen<'static> {
             status: Status::Tracking,
             p_lost: 0.0,
             state: State::of(bbox),
-            covariance: [[0.0; 6]; 6],
+            covariance: Covariance::default(),
             extent: Extent::of(bbox),
             gaze: Gaze::CENTRE,
             visible: 1.0,

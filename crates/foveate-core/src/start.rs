@@ -22,11 +22,13 @@ pub struct StartSpread {
     pub log_scale: f64,
     /// Standard deviation of the angle, radians.
     pub angle: f64,
+    /// Standard deviation of the log aspect.
+    pub aspect: f64,
 }
 
 impl Default for StartSpread {
     fn default() -> Self {
-        Self { position: 0.05, velocity: 0.1, log_scale: 0.0, angle: 0.0 }
+        Self { position: 0.05, velocity: 0.1, log_scale: 0.0, angle: 0.0, aspect: 0.0 }
     }
 }
 
@@ -41,6 +43,7 @@ impl StartSpread {
             ("velocity", self.velocity, 100.0),
             ("log_scale", self.log_scale, 5.0),
             ("angle", self.angle, 100.0),
+            ("aspect", self.aspect, 5.0),
         ] {
             within(&format!("start.{name}"), sd, 0.0, most)?;
         }
@@ -58,6 +61,7 @@ impl StartSpread {
                 vy: state.vy + normal(self.velocity * extent.mean()),
                 log_scale: state.log_scale + normal(self.log_scale),
                 angle: state.angle + normal(self.angle),
+                log_aspect: state.log_aspect + normal(self.aspect),
             };
         }
     }

@@ -44,7 +44,7 @@ impl std::fmt::Debug for Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 16;
+const FORMAT: u32 = 17;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {

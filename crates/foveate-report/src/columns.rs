@@ -97,6 +97,8 @@ const VX: Column = Column::new("vx", "px/frame", "Velocity, across.");
 const VY: Column = Column::new("vy", "px/frame", "Velocity, down.");
 const LOG_SCALE: Column = Column::new("log_scale", "", "Natural logarithm of the size relative to frame 1.");
 const ANGLE: Column = Column::new("angle", "rad", "Rotation relative to frame 1, clockwise on the screen.");
+const LOG_ASPECT: Column =
+    Column::new("log_aspect", "", "Natural logarithm of width / height relative to frame 1, at the same area.");
 const SD_X: Column = Column::new("sd_x", "px", "Standard deviation of `x`.");
 const SD_Y: Column = Column::new("sd_y", "px", "Standard deviation of `y`.");
 const GAZE_U: Column =
@@ -150,27 +152,35 @@ pub const TRACK: &[Column] = &[
     VY,
     LOG_SCALE,
     ANGLE,
+    LOG_ASPECT,
     cov!("x", "px²"),
     cov!("x", "y", "px²"),
     cov!("x", "vx", "px²/frame"),
     cov!("x", "vy", "px²/frame"),
     cov!("x", "log_scale", "px"),
     cov!("x", "angle", "px rad"),
+    cov!("x", "log_aspect", "px"),
     cov!("y", "px²"),
     cov!("y", "vx", "px²/frame"),
     cov!("y", "vy", "px²/frame"),
     cov!("y", "log_scale", "px"),
     cov!("y", "angle", "px rad"),
+    cov!("y", "log_aspect", "px"),
     cov!("vx", "px²/frame²"),
     cov!("vx", "vy", "px²/frame²"),
     cov!("vx", "log_scale", "px/frame"),
     cov!("vx", "angle", "px rad/frame"),
+    cov!("vx", "log_aspect", "px/frame"),
     cov!("vy", "px²/frame²"),
     cov!("vy", "log_scale", "px/frame"),
     cov!("vy", "angle", "px rad/frame"),
+    cov!("vy", "log_aspect", "px/frame"),
     cov!("log_scale", ""),
     cov!("log_scale", "angle", "rad"),
+    cov!("log_scale", "log_aspect", ""),
     cov!("angle", "rad²"),
+    cov!("angle", "log_aspect", "rad"),
+    cov!("log_aspect", ""),
     SD_X,
     SD_Y,
     Column::new("ess", "particles", "Effective sample size 1/Σw², 1 to the number of particles."),
@@ -232,6 +242,7 @@ pub const TRACKS: &[Column] = &[
     VY,
     LOG_SCALE,
     ANGLE,
+    LOG_ASPECT,
     SD_X,
     SD_Y,
     DEFICIT,
@@ -289,7 +300,8 @@ pub const TRACE: &[Column] = &[
     Column::new("estimate.vy", "px/frame", VY.meaning),
     Column::new("estimate.log_scale", "", LOG_SCALE.meaning),
     Column::new("estimate.angle", "rad", ANGLE.meaning),
-    Column::new("covariance", "as the state", "6 × 6 covariance of the state, row by row."),
+    Column::new("estimate.log_aspect", "", LOG_ASPECT.meaning),
+    Column::new("covariance", "as the state", "7 × 7 covariance of the state, row by row."),
     Column::new("ess", "particles", "Effective sample size 1/Σw², 1 to the number of particles."),
     Column::new("log_evidence", "nats", "Log evidence of the frame, up to the constant of the likelihood."),
     Column::new("consistency.deficit", "", DEFICIT.meaning),
@@ -313,9 +325,9 @@ pub const TRACE: &[Column] = &[
         "",
         "Inputs of P(lost): deficit, frame_deficit, drop, lasting, flat, spread, distance, margin, colour, elsewhere, agreement, absence.",
     ),
-    Column::new("extent.half_w", "px", "Half the width of the box at scale 1."),
-    Column::new("extent.half_h", "px", "Half the height of the box at scale 1."),
-    Column::from_0("predicted", "as the state", "Predicted particles: the six numbers of the state for each."),
+    Column::new("extent.half_w", "px", "Half the width of the box at scale 1 in the shape of frame 1."),
+    Column::new("extent.half_h", "px", "Half the height of the box at scale 1 in the shape of frame 1."),
+    Column::from_0("predicted", "as the state", "Predicted particles: the seven numbers of the state for each."),
     Column::new("weights", "", "One weight for each particle; they sum to 1."),
     Column::from_0("ancestors", "", "Index in `predicted` of the parent of each particle of the next frame."),
     Column::new("plan.gazes", "half-boxes", "Scored gazes: `u`, `v`, and `arm`, an index from 0, or null."),
@@ -375,9 +387,10 @@ pub fn dictionary() -> String {
                     column.meaning.to_owned(),
                 ],
                 Some("x_x") => [
-                    "`cov_x_x` to `cov_angle_angle`".to_owned(),
+                    "`cov_x_x` to `cov_log_aspect_log_aspect`".to_owned(),
                     "product of theirs".to_owned(),
-                    "Covariances of x, y, vx, vy, log_scale and angle: the upper triangle, row by row.".to_owned(),
+                    "Covariances of x, y, vx, vy, log_scale, angle and log_aspect: the upper triangle, row by row."
+                        .to_owned(),
                 ],
                 Some(_) => continue,
             };
@@ -407,7 +420,7 @@ mod tests {
             }
         }
         assert_eq!(text.matches("## `").count(), FILES.len());
-        assert_eq!(text.matches("`cov_x_x` to `cov_angle_angle`").count(), 1);
+        assert_eq!(text.matches("`cov_x_x` to `cov_log_aspect_log_aspect`").count(), 1);
     }
 
     #[test]
@@ -418,9 +431,9 @@ mod tests {
 
     #[test]
     fn the_covariance_is_an_upper_triangle_row_by_row() {
-        let state = ["x", "y", "vx", "vy", "log_scale", "angle"];
-        let triangle = (0..6).flat_map(|i| (i..6).map(move |j| format!("cov_{}_{}", state[i], state[j])));
+        let state = ["x", "y", "vx", "vy", "log_scale", "angle", "log_aspect"];
+        let triangle = (0..7).flat_map(|i| (i..7).map(move |j| format!("cov_{}_{}", state[i], state[j])));
         let first = TRACK.iter().position(|c| c.name == "cov_x_x").expect("it is there");
-        assert!(triangle.eq(TRACK[first..first + 21].iter().map(|c| c.name.to_owned())));
+        assert!(triangle.eq(TRACK[first..first + 28].iter().map(|c| c.name.to_owned())));
     }
 }

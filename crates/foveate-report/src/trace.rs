@@ -11,7 +11,7 @@ use foveate_base::sink::Sink;
 use foveate_core::Seen;
 use foveate_core::control::{Consistency, TrackConfidence};
 use foveate_core::gaze::PolicySnapshot;
-use foveate_core::geometry::{BBox, Extent, Gaze, State};
+use foveate_core::geometry::{BBox, Covariance, Extent, Gaze, State};
 use foveate_video::Frame;
 
 /// Writes the contents of [`Seen`] under its names: the keys [`crate::columns::TRACE`]. Numbers that are not finite are `null`; others read
@@ -37,14 +37,14 @@ struct Tracked<'a> {
     time: f64,
     bbox: BBox,
     estimate: State,
-    covariance: [[f64; 6]; 6],
+    covariance: Covariance,
     ess: f64,
     log_evidence: f64,
     consistency: Consistency,
     confidence: TrackConfidence,
     extent: Extent,
-    /// Predicted particles: x, y, vx, vy, log_scale, angle.
-    predicted: Vec<[f64; 6]>,
+    /// Predicted particles: x, y, vx, vy, log_scale, angle, log_aspect.
+    predicted: Vec<[f64; State::N]>,
     weights: &'a [f64],
     ancestors: &'a [usize],
     plan: Plan<'a>,

@@ -81,7 +81,7 @@ impl Dynamics for WhiteAcceleration {
 fn observations(data: u64, frames: usize) -> Vec<[f64; 2]> {
     let mut rng = Streams::new(data, 2).rng(0);
     let mut normal = || -> f64 { rng.sample(StandardNormal) };
-    let mut state = State::from_array([normal(), normal(), normal(), normal(), 0.0, 0.0]);
+    let mut state = State::from_array([normal(), normal(), normal(), normal(), 0.0, 0.0, 0.0]);
     let (model, mut world) = (WhiteAcceleration::new(), Streams::new(data, 3).rng(0));
     let mut see = |t| {
         if t > 0 {
@@ -152,7 +152,7 @@ impl Filter {
             let at = |purpose| streams.at(t as u64, purpose);
             if t == 0 {
                 let mut normal = || -> f64 { rng.sample(StandardNormal) };
-                let mut first = || State::from_array([normal(), normal(), normal(), normal(), 0.0, 0.0]);
+                let mut first = || State::from_array([normal(), normal(), normal(), normal(), 0.0, 0.0, 0.0]);
                 self.predicted.iter_mut().for_each(|state| *state = first());
                 self.log_weights.fill(0.0);
             } else {

@@ -180,7 +180,7 @@ fn parts(precision: Precision, particles: usize, rng: &mut Rng) -> Result<Parts>
     let encoder = RbmEncoder::new(rbm, &vec![0; n_v]).rounded(precision);
     let appearance =
         GazeAppearance::new(Arc::new(retina), Arc::new(encoder), Kind::BhattacharyyaSquared, Sharpness::Fixed(20.0))?;
-    let start = StartSpread { position: 0.0, velocity: 0.0, log_scale: 0.0, angle: 0.0 };
+    let start = StartSpread { position: 0.0, velocity: 0.0, log_scale: 0.0, angle: 0.0, aspect: 0.0 };
     let filter = Filter::new(Box::new(Prior::new(Arc::new(dynamics))), particles)?.with_start(start);
     let gaze = GazeControl::new(Box::new(gaze::Fixed::new(Gaze::CENTRE)), Box::new(Concentration::new(1.0)?));
     let monitor = Monitor::new(ConsistencySettings::default(), ConfidenceModel::default());

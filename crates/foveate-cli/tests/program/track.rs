@@ -88,7 +88,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
         (
             text.replace(
                 "\"particles\":[",
-                "\"particles\":[{\"x\":0,\"y\":0,\"vx\":0,\"vy\":0,\"log_scale\":0,\"angle\":0},",
+                "\"particles\":[{\"x\":0,\"y\":0,\"vx\":0,\"vy\":0,\"log_scale\":0,\"angle\":0,\"log_aspect\":0},",
             ),
             "bad.json: the saved tracker cannot be used: it has 61 particles",
         ),

@@ -2,13 +2,13 @@
 
 use super::{assert_mean, checks};
 use crate::control::Dynamics;
-use crate::geometry::State;
+use crate::geometry::{Covariance, State};
 
 /// Checks that `sample` and `sample_each` draw from the density that `log_density` evaluates, with the place and velocity of `expected` as
 /// mean and the deviation of `spread` in place, and that `over` three frames leads where three single frames lead.
 ///
 /// If p is the density of the draws, any density g within the support of p has a mean of g/p equal to 1. Here g is a narrower normal
-/// density at the draws' mean, then shifted to each side; 20,000 draws, 38 checks.
+/// density at the draws' mean, then shifted to each side; 20,000 draws, 42 checks.
 pub fn dynamics(dynamics: &dyn Dynamics, from: &State) {
     const DRAWS: usize = 20_000;
     let one_by_one = |stream| -> Vec<State> {
@@ -50,9 +50,9 @@ pub fn dynamics(dynamics: &dyn Dynamics, from: &State) {
         let one_by_one: Vec<State> = (0..DRAWS).map(three).collect();
         let mut at_once = vec![*from; DRAWS];
         leap.draw(&mut at_once, &mut checks().rng(5));
-        let (mut mean, mut covariance) = (*from, [[0.0; 6]; 6]);
+        let (mut mean, mut covariance) = (*from, Covariance::default());
         leap.spread(&mut mean, &mut covariance);
-        for (drawn, k) in [one_by_one, at_once].iter().flat_map(|drawn| (0..6).map(move |k| (drawn, k))) {
+        for (drawn, k) in [one_by_one, at_once].iter().flat_map(|drawn| (0..State::N).map(move |k| (drawn, k))) {
             let off: Vec<f64> = drawn.iter().map(|s| s.to_array()[k] - mean.to_array()[k]).collect();
             assert_mean(&off, 0.0, "three frames at once must lead where three frames lead; the distance");
             let squares: Vec<f64> = off.iter().map(|o| o * o).collect();
@@ -63,18 +63,18 @@ pub fn dynamics(dynamics: &dyn Dynamics, from: &State) {
 
 /// A normal density over the independent components of a state, 0.7 times as wide as the draws.
 struct Normal {
-    mean: [f64; 6],
+    mean: [f64; State::N],
     /// Each free component with its row of the lower Cholesky factor over the free ones up to it.
     rows: Vec<(usize, Vec<f64>)>,
 }
 
 impl Normal {
     /// Velocities first, so that places that follow from them are not free.
-    const ORDER: [usize; 6] = [2, 3, 0, 1, 4, 5];
+    const ORDER: [usize; State::N] = [2, 3, 0, 1, 4, 5, 6];
 
     fn fit(states: &[State]) -> Self {
         let n = states.len() as f64;
-        let about = |i: usize, j: usize, mean: &[f64; 6]| {
+        let about = |i: usize, j: usize, mean: &[f64; State::N]| {
             states.iter().map(|s| (s.to_array()[i] - mean[i]) * (s.to_array()[j] - mean[j])).sum::<f64>() / n
         };
         let mean = std::array::from_fn(|i| states.iter().map(|s| s.to_array()[i]).sum::<f64>() / n);

@@ -127,7 +127,7 @@ impl Candidates {
     }
     /// After [`Candidates::best`]: draws a share of `states`, every so many, again from the best places whose log-likelihood is at least `least`, each
     /// from a stream of its own. `which` gets their indices, none where nothing fits, and `log_prior` the log p/q of these.
-    /// Speed and angle of a state stay what they were; its size is the place's.
+    /// Speed and angle of a state stay what they were; its size and shape are the place's.
     pub(crate) fn draw(
         &mut self,
         least: f64,
@@ -154,7 +154,7 @@ impl Candidates {
             let place = drawn.unwrap_or(&best).state;
             let [dx, dy] = std::array::from_fn(|_| how.spread * rng.sample::<f64, _>(StandardNormal));
             let (x, y) = (place.x + dx * self.half.0, place.y + dy * self.half.1);
-            let state = State { x, y, log_scale: place.log_scale, ..states[i] };
+            let state = State { x, y, log_scale: place.log_scale, log_aspect: place.log_aspect, ..states[i] };
             let density = |found: &Found| weight(found) / total * self.density(how.spread, &state, &found.state);
             let q: f64 = self.found.iter().map(density).sum();
             (states[i], log_prior[i]) = (state, (p / q).ln());

@@ -60,10 +60,10 @@ impl DistractorSearch {
     pub fn new(settings: DistractorSettings) -> Self {
         Self { settings, places: vec![] }
     }
-    /// A lattice of places about the estimate, the estimate one of them, of its size and angle, those inside a picture of
+    /// A lattice of places about the estimate, the estimate one of them, of its size, shape and angle, those inside a picture of
     /// this size; row by row.
     pub fn places(&mut self, size: (usize, usize), estimate: &State, extent: Extent) -> &[State] {
-        let scale = estimate.log_scale.exp();
+        let (scale, extent) = (estimate.log_scale.exp(), estimate.shaped(extent));
         let (dx, dy) = (self.settings.step * extent.half_w * scale, self.settings.step * extent.half_h * scale);
         let count = self.settings.steps();
         let inside = |v: f64, side: usize| (0.0..side as f64).contains(&v);
@@ -87,16 +87,17 @@ impl DistractorSearch {
         &self.places
     }
     /// Adds places to states so that those about an estimate will lie between them, if it is near the middle of these states and
-    /// of their size; they are close enough that a box at each leaves nothing out.
+    /// of their size and shape; they are close enough that a box at each leaves nothing out.
     pub fn surround(&self, states: &mut Vec<State>, extent: Extent) {
         let mean = |of: fn(&State) -> f64| states.iter().map(of).sum::<f64>() / states.len() as f64;
-        let (x, y, log_scale) = (mean(|s| s.x), mean(|s| s.y), mean(|s| s.log_scale));
+        let middle = State { log_aspect: mean(|s| s.log_aspect), log_scale: mean(|s| s.log_scale), ..State::default() };
+        let (x, y, extent) = (mean(|s| s.x), mean(|s| s.y), middle.shaped(extent));
         let far = self.settings.reach + SLACK;
         let count = (0.5 * far).ceil() as i32;
-        let step = far / f64::from(count) * log_scale.exp();
+        let step = far / f64::from(count) * middle.log_scale.exp();
         for (j, i) in (-count..=count).flat_map(|j| (-count..=count).map(move |i| (f64::from(j), f64::from(i)))) {
             let (x, y) = (x + i * step * extent.half_w, y + j * step * extent.half_h);
-            states.push(State { x, y, log_scale, ..State::default() });
+            states.push(State { x, y, ..middle });
         }
     }
 }

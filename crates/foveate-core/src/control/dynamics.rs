@@ -43,13 +43,14 @@ pub trait Dynamics: Send + Sync {
 
 /// Linear, Gaussian, first-order: with n standard normal, each one its own,
 /// ```text
-/// v'         = damping · v + velocity · n          (both axes)
-/// x'         = x + v' + position · n               (both axes)
-/// log_scale' = scale_pull · log_scale + scale · n
-/// angle'     = angle_pull · angle + turn · n
+/// v'          = damping · v + velocity · n          (both axes)
+/// x'          = x + v' + position · n               (both axes)
+/// log_scale'  = scale_pull · log_scale + scale · n
+/// angle'      = angle_pull · angle + turn · n
+/// log_aspect' = aspect_pull · log_aspect + aspect · n
 /// ```
 /// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
-/// Deviation: a share `tail_probability` of the states has the noises of position, scale and angle `tail_scale` times as large: a
+/// Deviation: a share `tail_probability` of the states has the noises of position, scale, angle and aspect `tail_scale` times as large: a
 /// mixture of two normals, of heavy tails.
 ///
 /// A standard deviation of 0 makes its component follow from the others. The density is then one over the
@@ -71,9 +72,13 @@ pub struct Autoregressive {
     pub angle_pull: f64,
     /// Standard deviation of the angle noise, radians.
     pub angle: f64,
+    /// Share of the log aspect kept: 1 is a random walk, below 1 it returns to the first shape.
+    pub aspect_pull: f64,
+    /// Standard deviation of the log aspect noise.
+    pub aspect: f64,
     /// Share of the particles with heavy-tailed noise, for hand-held cameras, 0 to 1.
     pub tail_probability: f64,
-    /// Factor of the heavy-tailed noise of position, scale and angle, 1 to 100.
+    /// Factor of the heavy-tailed noise of position, scale, angle and aspect, 1 to 100.
     pub tail_scale: f64,
 }
 
@@ -89,6 +94,8 @@ impl Default for Autoregressive {
             log_scale: 0.01,
             angle_pull: 0.9,
             angle: 0.0,
+            aspect_pull: 1.0,
+            aspect: 0.0,
             tail_probability: 0.0,
             tail_scale: 5.0,
         }
@@ -98,14 +105,19 @@ impl Default for Autoregressive {
 impl Autoregressive {
     /// Fails with the field if a standard deviation is negative or a number is not finite.
     pub fn check(&self) -> Result<()> {
-        let sds = [self.velocity, self.position, self.log_scale, self.angle];
-        for (name, sd) in ["velocity", "position", "log_scale", "angle"].into_iter().zip(sds) {
+        let sds = [self.velocity, self.position, self.log_scale, self.angle, self.aspect];
+        for (name, sd) in ["velocity", "position", "log_scale", "angle", "aspect"].into_iter().zip(sds) {
             if !(sd >= 0.0 && sd.is_finite()) {
                 return Err(Error::Config(format!("dynamics.{name} is a standard deviation, 0 or more; it is {sd}")));
             }
         }
-        let shares = [self.damping, self.scale_pull, self.angle_pull, self.tail_probability];
-        for (name, share) in ["damping", "scale_pull", "angle_pull", "tail_probability"].into_iter().zip(shares) {
+        for (name, share) in [
+            ("damping", self.damping),
+            ("scale_pull", self.scale_pull),
+            ("angle_pull", self.angle_pull),
+            ("aspect_pull", self.aspect_pull),
+            ("tail_probability", self.tail_probability),
+        ] {
             within(&format!("dynamics.{name}"), share, 0.0, 1.0)?;
         }
         within("dynamics.tail_scale", self.tail_scale, 1.0, 100.0)
@@ -128,13 +140,13 @@ fn log_normal(value: f64, mean: f64, sd: f64) -> f64 {
     -0.5 * z * z - sd.ln() - HALF_LN_TAU
 }
 
-/// Noises of standard deviation 1 on (vx, vy), (x, y) and (log_scale, angle).
-type Noise = [[f64; 2]; 3];
+/// Noises of standard deviation 1 on (vx, vy), (x, y), (log_scale, angle) and log_aspect.
+type Noise = ([[f64; 2]; 3], f64);
 
 impl Autoregressive {
     /// The successor of `previous` with this noise.
     #[inline]
-    fn step(&self, previous: &State, [velocity, position, shape]: Noise) -> State {
+    fn step(&self, previous: &State, ([velocity, position, shape], aspect): Noise) -> State {
         let vx = self.damping * previous.vx + self.velocity * velocity[0];
         let vy = self.damping * previous.vy + self.velocity * velocity[1];
         State {
@@ -144,11 +156,13 @@ impl Autoregressive {
             vy,
             log_scale: self.scale_pull * previous.log_scale + self.log_scale * shape[0],
             angle: self.angle_pull * previous.angle + self.angle * shape[1],
+            log_aspect: self.aspect_pull * previous.log_aspect + self.aspect * aspect,
         }
     }
     /// The noises of a state from the heavy tail.
-    fn tail(&self, [velocity, position, shape]: Noise) -> Noise {
-        [velocity, position.map(|x| self.tail_scale * x), shape.map(|x| self.tail_scale * x)]
+    fn tail(&self, ([velocity, position, shape], aspect): Noise) -> Noise {
+        let wide = |x: f64| self.tail_scale * x;
+        ([velocity, position.map(wide), shape.map(wide)], wide(aspect))
     }
 }
 
@@ -168,13 +182,15 @@ impl Dynamics for Autoregressive {
 
     fn over(&self, frames: usize) -> Option<Leap> {
         let &Self { damping, velocity, position, .. } = self;
-        let (pull, shape) = ([self.scale_pull, self.angle_pull], [self.log_scale, self.angle]);
+        let (pull, shape) =
+            ([self.scale_pull, self.angle_pull, self.aspect_pull], [self.log_scale, self.angle, self.aspect]);
         (self.tail_probability <= 0.0).then(|| Leap::of(Pace { damping, velocity, position, pull, shape }, frames))
     }
 
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {
         let mut pair = || [rng.sample(StandardNormal), rng.sample(StandardNormal)];
         let noise = [pair(), pair(), pair()];
+        let noise = (noise, if self.aspect == 0.0 { 0.0 } else { rng.sample(StandardNormal) });
         let in_tail = self.tail_probability > 0.0 && rng.random::<f64>() < self.tail_probability;
         self.step(previous, if in_tail { self.tail(noise) } else { noise })
     }
@@ -183,6 +199,7 @@ impl Dynamics for Autoregressive {
         const BATCH: usize = 64;
         let mut stream = Normals::new(rng.random());
         let [mut velocity, mut position, mut shape] = [[[0.0; 2]; BATCH]; 3];
+        let mut aspect = [0.0; BATCH];
         for (previous, next) in previous.chunks(BATCH).zip(next.chunks_mut(BATCH)) {
             for (noise, needed) in [
                 (&mut velocity, self.velocity != 0.0),
@@ -193,10 +210,13 @@ impl Dynamics for Autoregressive {
                     stream.fill(noise.as_flattened_mut());
                 }
             }
+            if self.aspect != 0.0 {
+                stream.fill(&mut aspect);
+            }
             // Every so many are of the heavy tail, from a random one on: each with the same probability, and always about as many.
             let mut turn = if self.tail_probability > 0.0 { rng.random::<f64>() } else { 0.0 };
             for i in 0..previous.len().min(next.len()).min(BATCH) {
-                let noise = [velocity[i], position[i], shape[i]];
+                let noise = ([velocity[i], position[i], shape[i]], aspect[i]);
                 turn += self.tail_probability;
                 let in_tail = turn >= 1.0;
                 turn -= f64::from(u8::from(in_tail));
@@ -213,6 +233,7 @@ impl Dynamics for Autoregressive {
                 + log_normal(next.y, previous.y + next.vy, factor * self.position)
                 + log_normal(next.log_scale, self.scale_pull * previous.log_scale, factor * self.log_scale)
                 + log_normal(next.angle, self.angle_pull * previous.angle, factor * self.angle)
+                + log_normal(next.log_aspect, self.aspect_pull * previous.log_aspect, factor * self.aspect)
         };
         let [body, tail] =
             [(1.0 - self.tail_probability).ln() + of_rest(1.0), self.tail_probability.ln() + of_rest(self.tail_scale)];
@@ -238,10 +259,12 @@ pub(super) mod tests {
         log_scale: 0.02,
         angle_pull: 1.0,
         angle: 0.1,
+        aspect_pull: 0.9,
+        aspect: 0.03,
         tail_probability: 0.0,
         tail_scale: 3.0,
     };
-    const FROM: State = State { x: 10.0, y: -5.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
+    const FROM: State = State { x: 10.0, y: -5.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5, log_aspect: -0.3 };
 
     #[test]
     fn draws_follow_the_density_with_and_without_each_noise() {
@@ -250,7 +273,8 @@ pub(super) mod tests {
             Autoregressive { position: 0.0, ..ALL },
             Autoregressive { velocity: 0.0, ..ALL },
             Autoregressive { angle: 0.0, log_scale: 0.0, ..ALL },
-            Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, angle: 0.0, ..ALL },
+            Autoregressive { aspect: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, angle: 0.0, aspect: 0.0, ..ALL },
             Autoregressive::default(),
             Autoregressive { tail_probability: 0.2, ..ALL },
         ] {
@@ -294,19 +318,22 @@ pub(super) mod tests {
             y: FROM.y + vy - 2.0 * ALL.position,
             log_scale: ALL.scale_pull * FROM.log_scale,
             angle: FROM.angle,
+            log_aspect: ALL.aspect_pull * FROM.log_aspect,
         };
-        let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1].iter().product();
-        let exact = -0.5 - 2.0 - volume.ln() - 3.0 * std::f64::consts::TAU.ln();
+        let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1, 0.03].iter().product();
+        let exact = -0.5 - 2.0 - volume.ln() - 3.5 * std::f64::consts::TAU.ln();
         assert!((ALL.log_density(&next, &FROM) - exact).abs() < 1e-12);
-        // One of the heavy tail has a density of a mixture, of the other four components.
+        // One of the heavy tail has a density of a mixture, of the other five components.
         let leaping = Autoregressive { tail_probability: 0.25, ..ALL };
         let far = |factor: f64| {
-            -0.5 - 2.0 / factor.powi(2) - 4.0 * factor.ln() - volume.ln() - 3.0 * std::f64::consts::TAU.ln()
+            -0.5 - 2.0 / factor.powi(2) - 5.0 * factor.ln() - volume.ln() - 3.5 * std::f64::consts::TAU.ln()
         };
         let mixture = (0.75 * far(1.0).exp() + 0.25 * far(ALL.tail_scale).exp()).ln();
         assert!((leaping.log_density(&next, &FROM) - mixture).abs() < 1e-12);
-        let still = Autoregressive { angle: 0.0, ..ALL };
-        assert_eq!(still.log_density(&State { angle: 0.6, ..next }, &FROM), f64::NEG_INFINITY);
+        let still = Autoregressive { angle: 0.0, aspect: 0.0, ..ALL };
+        for moved in [State { angle: 0.6, ..next }, State { log_aspect: 0.1, ..next }] {
+            assert_eq!(still.log_density(&moved, &FROM), f64::NEG_INFINITY);
+        }
     }
 
     #[test]
@@ -315,6 +342,8 @@ pub(super) mod tests {
         for (bad, name) in [
             (Autoregressive { velocity: -1.0, ..ALL }, "velocity"),
             (Autoregressive { angle: f64::NAN, ..ALL }, "dynamics.angle "),
+            (Autoregressive { aspect: -0.1, ..ALL }, "dynamics.aspect "),
+            (Autoregressive { aspect_pull: 1.1, ..ALL }, "aspect_pull"),
             (Autoregressive { damping: 1.1, ..ALL }, "damping"),
             (Autoregressive { tail_probability: 1.1, ..ALL }, "tail_probability"),
             (Autoregressive { tail_scale: 0.5, ..ALL }, "tail_scale "),

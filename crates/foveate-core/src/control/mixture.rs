@@ -6,7 +6,7 @@
 //! q(x | x', d₁..ₖ) = (1 − α) p(x | x') + α/k Σ q_d(x | x')
 //! q_d(x | x') = N(place; centre of d, spread) · N(log_scale; that of d's box, size) · p(the rest | x', place)
 //! ```
-//! The rest is the angle, the velocity given the place, and the scale where `size` is not given. It is p's own, so it drops
+//! The rest is angle and aspect, the velocity given the place, and the scale where `size` is not given. It is p's own, so it drops
 //! out of p/q, whose logarithm comes from place and scale alone and is never above −log(1 − α), for every child, whichever
 //! part it came from.
 //!
@@ -226,7 +226,7 @@ mod tests {
     use foveate_base::rng::Purpose;
 
     const MOTION: Autoregressive = Autoregressive { log_scale: 0.05, tail_scale: 1.0, ..ALL };
-    const FROM: State = State { x: 10.0, y: 20.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
+    const FROM: State = State { x: 10.0, y: 20.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5, log_aspect: -0.3 };
     const MIXING: Mixing = Mixing { alpha: 0.4, spread: 0.5, size: Some(0.1), gate: 6.0, update: Update::Replace };
 
     fn detection(x: f64, y: f64, side: f64) -> Detection {
@@ -369,7 +369,7 @@ mod tests {
         }
     }
 
-    /// The whole of q written out: the joint density of six components, the velocity given the place by its own formula.
+    /// The whole of q written out: the joint density of seven components, the velocity given the place by its own formula.
     #[test]
     fn log_ratio_is_that_of_the_joint_densities() {
         let normal = |v: f64, mean: f64, variance: f64| {
@@ -389,6 +389,7 @@ mod tests {
                 + along(c.y, c.vy, (FROM.y, MOTION.damping * FROM.vy), y)
                 + normal(c.log_scale, (d.bbox.w / 2.0).ln(), 0.01)
                 + normal(c.angle, FROM.angle, MOTION.angle.powi(2))
+                + normal(c.log_aspect, MOTION.aspect_pull * FROM.log_aspect, MOTION.aspect.powi(2))
         };
         let found = detections();
         let (children, log_ratio) = draw(&mut Mixture::new(MOTION, MIXING), &found, 500, 2);

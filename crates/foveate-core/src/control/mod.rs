@@ -45,7 +45,7 @@ fn evenly(n: usize, share: f64) -> impl Iterator<Item = usize> {
     (0..n).filter(move |i| rank(i + 1) > rank(*i))
 }
 
-use crate::geometry::State;
+use crate::geometry::{Covariance, State};
 use foveate_kernels::{exp_from, largest_finite};
 use std::f64::consts::{PI, TAU};
 
@@ -61,7 +61,7 @@ pub struct Belief<'a> {
 impl Belief<'_> {
     /// The weighted mean. Angles are averaged as directions, near the first particle's angle.
     pub fn mean(&self) -> State {
-        let (mut sum, first) = ([0.0; 5], self.states[0].angle);
+        let (mut sum, first) = ([0.0; State::N], self.states[0].angle);
         let (mut sin, mut cos) = (0.0, 0.0);
         for (state, &w) in self.states.iter().zip(self.weights) {
             for (sum, value) in sum.iter_mut().zip(state.to_array()) {
@@ -72,21 +72,20 @@ impl Belief<'_> {
             sin += w * s;
             cos += w * c;
         }
-        let [x, y, vx, vy, log_scale] = sum;
-        State { x, y, vx, vy, log_scale, angle: first + sin.atan2(cos) }
+        State { angle: first + sin.atan2(cos), ..State::from_array(sum) }
     }
     /// The weighted covariance, in the order of [`State`]'s fields; angles differ by half a turn at most.
-    pub fn covariance(&self) -> [[f64; 6]; 6] {
-        let (mean, mut sum) = (self.mean(), [[0.0; 6]; 6]);
+    pub fn covariance(&self) -> Covariance {
+        let (mean, mut sum) = (self.mean(), Covariance::default());
         for (state, &w) in self.states.iter().zip(self.weights) {
             let d = deviation(state, &mean);
-            for i in 0..6 {
+            for i in 0..State::N {
                 for j in 0..=i {
                     sum[i][j] += w * d[i] * d[j];
                 }
             }
         }
-        for i in 0..6 {
+        for i in 0..State::N {
             let (row, below) = sum.split_at_mut(i + 1);
             for (j, other) in below.iter().enumerate() {
                 row[i][i + 1 + j] = other[i];
@@ -101,10 +100,10 @@ impl Belief<'_> {
 }
 
 /// `a − b` in the order of [`State`]'s fields, the angle's difference within half a turn.
-fn deviation(a: &State, b: &State) -> [f64; 6] {
+fn deviation(a: &State, b: &State) -> [f64; State::N] {
     let turn = a.angle - b.angle;
     let turn = if turn.abs() <= PI { turn } else { turn - TAU * (turn / TAU).round() };
-    [a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.log_scale - b.log_scale, turn]
+    [a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.log_scale - b.log_scale, turn, a.log_aspect - b.log_aspect]
 }
 
 /// From log weights to weights of sum 1. Returns log Σ exp, which is the log evidence if the log weights are log
@@ -156,16 +155,26 @@ mod tests {
     #[test]
     fn moments_in_closed_form() {
         let states = [
-            State::from_array([0.0, 0.0, 1.0, 0.0, 0.5, 3.0]),
-            State::from_array([4.0, 8.0, 1.0, 0.0, 0.5, 3.4 - TAU]), // 0.4 apart, across ±π
+            State::from_array([0.0, 0.0, 1.0, 0.0, 0.5, 3.0, 0.1]),
+            State::from_array([4.0, 8.0, 1.0, 0.0, 0.5, 3.4 - TAU, 0.3]), // 0.4 apart, across ±π
         ];
         let belief = Belief { states: &states, weights: &[0.5, 0.5] };
         let mean = belief.mean().to_array();
-        for (got, exact) in mean.iter().zip([2.0, 4.0, 1.0, 0.0, 0.5, 3.2]) {
+        for (got, exact) in mean.iter().zip([2.0, 4.0, 1.0, 0.0, 0.5, 3.2, 0.2]) {
             assert!((got - exact).abs() < 1e-12, "{mean:?}");
         }
         let cov = belief.covariance();
-        let exact = [(0, 0, 4.0), (1, 1, 16.0), (0, 1, 8.0), (1, 0, 8.0), (5, 5, 0.04), (0, 5, 0.4), (2, 2, 0.0)];
+        let exact = [
+            (0, 0, 4.0),
+            (1, 1, 16.0),
+            (0, 1, 8.0),
+            (1, 0, 8.0),
+            (5, 5, 0.04),
+            (0, 5, 0.4),
+            (2, 2, 0.0),
+            (6, 6, 0.01),
+            (5, 6, 0.02),
+        ];
         for (i, j, exact) in exact {
             assert!((cov[i][j] - exact).abs() < 1e-12, "{cov:?}");
         }

@@ -117,7 +117,7 @@ mod tests {
     fn the_prior_keeps_the_law() {
         let frame = blank_image();
         let scene = Scene { image: &frame, detections: &[] };
-        let parent = State::from_array([1.0, 2.0, 3.0, 4.0, 0.1, 0.2]);
+        let parent = State::from_array([1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.3]);
         conformance::proposal(&mut Prior::new(Arc::new(Autoregressive::default())), scene, &parent);
         let still = Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, ..Default::default() };
         conformance::proposal(&mut Prior::new(Arc::new(still)), scene, &parent);
@@ -129,7 +129,7 @@ mod tests {
         let inside = State { x: 19.0, y: 0.0, vx: 9.0, vy: -9.0, ..State::default() };
         let mut states = [State { x: -3.0, y: 7.5, vx: -4.0, vy: 2.0, ..State::default() }, inside];
         confine(&mut states, &Image::grey(20, 8, 0));
-        assert_eq!(states[0].to_array(), [0.0, 7.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(states[0].to_array(), [0.0, 7.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert_eq!(states[1], inside, "its speed is its own until it leaves");
     }
 }

@@ -172,8 +172,10 @@ mod tests {
     use crate::conformance;
 
     /// An estimate for rewards that ignore it.
-    const ANYWHERE: (&State, Extent) =
-        (&State { x: 0.0, y: 0.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0 }, Extent { half_w: 1.0, half_h: 1.0 });
+    const ANYWHERE: (&State, Extent) = (
+        &State { x: 0.0, y: 0.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0, log_aspect: 0.0 },
+        Extent { half_w: 1.0, half_h: 1.0 },
+    );
 
     fn all(temperature: f64) -> [Box<dyn Reward>; 3] {
         let ok = "a temperature within range";

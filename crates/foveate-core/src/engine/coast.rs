@@ -2,7 +2,7 @@
 
 use super::{Engine, Record};
 use crate::control::CameraMotion;
-use crate::geometry::State;
+use crate::geometry::{Covariance, State};
 use crate::scene::{Flow, Scene};
 use foveate_base::rng::Purpose::Select;
 
@@ -26,7 +26,7 @@ impl Engine {
     }
 
     /// Runs a frame without a look: predicts the belief, weighs it by detections, and resamples. Returns mean and covariance.
-    pub(crate) fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
+    pub(crate) fn coast(&mut self, scene: Scene<'_>) -> (State, Covariance) {
         self.frame += 1;
         let (t, extent, filter) = (self.frame, self.target().extent, &mut self.parts.filter);
         if let Some(leap) = filter.leap(!scene.detections.is_empty()) {

@@ -5,7 +5,7 @@ use super::target::Estimate;
 use crate::control::{
     Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling,
 };
-use crate::geometry::{Extent, State};
+use crate::geometry::{Covariance, Extent, State};
 use crate::scene::Scene;
 use crate::start::StartSpread;
 use foveate_base::rng::Purpose::Predict;
@@ -39,7 +39,7 @@ foveate_base::opaque_debug!(Filter);
 pub(super) struct Waiting {
     pub frames: usize,
     mean: State,
-    covariance: [[f64; 6]; 6],
+    covariance: Covariance,
 }
 
 impl Filter {
@@ -160,7 +160,7 @@ impl Filter {
     }
 
     /// Returns mean and covariance after a frame of this motion; the particles do not move yet.
-    pub(super) fn wait(&mut self, leap: &Leap) -> (State, [[f64; 6]; 6]) {
+    pub(super) fn wait(&mut self, leap: &Leap) -> (State, Covariance) {
         let mut waiting = self.waiting.unwrap_or_else(|| {
             let weights: Vec<f64> = self.log_weights.iter().map(|w| w.exp()).collect();
             let belief = Belief { states: &self.particles, weights: &weights };

@@ -9,7 +9,7 @@ use crate::control::{
     FrameEvidence, LossMonitor, TrackConfidence, distractors,
 };
 use crate::gaze::Context;
-use crate::geometry::{Gaze, State};
+use crate::geometry::{Covariance, Gaze, State};
 use crate::identity::surroundings::Surroundings;
 use crate::identity::{Lesson, Memory, Percept};
 
@@ -300,6 +300,6 @@ impl Monitor {
 }
 
 /// Returns the standard deviation of the place in template units, or a million if it is not finite.
-fn spread(covariance: &[[f64; 6]; 6], unit: f64) -> f64 {
+fn spread(covariance: &Covariance, unit: f64) -> f64 {
     ((0.5 * (covariance[0][0] + covariance[1][1])).sqrt() / unit).min(1e6)
 }

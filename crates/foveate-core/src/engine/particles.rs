@@ -90,7 +90,7 @@ impl Particles {
 /// Returns the mean of equally weighted states.
 pub(super) fn mean(states: &[State]) -> State {
     let each = 1.0 / states.len() as f64;
-    let sum = states.iter().fold([0.0; 6], |mut sum, s| {
+    let sum = states.iter().fold([0.0; State::N], |mut sum, s| {
         sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += each * x);
         sum
     });

@@ -1,6 +1,6 @@
 //! One target: its given box, and the belief after a frame.
 
-use crate::geometry::{Extent, State};
+use crate::geometry::{Covariance, Extent, State};
 use crate::reference::ReferenceLikelihood;
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +22,7 @@ pub(crate) struct Estimate {
     /// Mean of the belief.
     pub mean: State,
     /// Covariance over x, y, vx, vy, log scale, angle.
-    pub covariance: [[f64; 6]; 6],
+    pub covariance: Covariance,
     /// Effective sample size, 1 to N.
     pub ess: f64,
 }

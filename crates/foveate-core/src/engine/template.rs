@@ -112,10 +112,10 @@ impl Engine {
     /// It is the best of nine places around the given one. The track does not change. Panics before [`Engine::init`].
     pub(crate) fn similarity(&mut self, image: &Image, state: &State) -> f64 {
         let extent = self.target().extent;
-        let unit = state.log_scale.exp();
+        let (unit, shape) = (state.log_scale.exp(), state.shaped(extent));
         let places: [State; 9] = std::array::from_fn(|i| State {
-            x: state.x + ABOUT[i % 3] * unit * extent.half_w,
-            y: state.y + ABOUT[i / 3] * unit * extent.half_h,
+            x: state.x + ABOUT[i % 3] * unit * shape.half_w,
+            y: state.y + ABOUT[i / 3] * unit * shape.half_h,
             ..*state
         });
         let appearance = &mut self.parts.appearance;

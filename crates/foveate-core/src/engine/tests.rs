@@ -19,7 +19,7 @@ fn look<T>(toy: &mut Toy, fraction: f64, see: impl FnOnce(&mut View<'_>) -> T) -
 }
 
 fn estimate(x: f64) -> Estimate {
-    Estimate { mean: state(x), covariance: [[0.0; 6]; 6], ess: 1.0 }
+    Estimate { mean: state(x), covariance: Default::default(), ess: 1.0 }
 }
 
 fn close(found: f64, exact: f64) {

@@ -291,7 +291,7 @@ mod tests {
     use super::*;
 
     const EXTENT: Extent = Extent { half_w: 8.0, half_h: 12.0 };
-    const TARGET: State = State { x: 40.0, y: 30.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0 };
+    const TARGET: State = State { x: 40.0, y: 30.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0, log_aspect: 0.0 };
 
     /// A red box at `x` on a ground of greens.
     fn picture(x: f64) -> Image {

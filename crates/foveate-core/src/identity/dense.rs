@@ -57,7 +57,7 @@ struct Lattice {
 }
 
 impl Lattice {
-    /// The lattice that these states are, if they are one, of one size and without turns; `half` is the size of a half block.
+    /// The lattice that these states are, if they are one, of one size and shape and without turns; `half` is the size of a half block.
     fn of(states: &[State], half: (f64, f64)) -> Option<Self> {
         let first = states.first().filter(|_| states.len() >= LEAST)?;
         let columns = states.iter().take_while(|s| s.y == first.y).count();
@@ -76,7 +76,10 @@ impl Lattice {
         let in_place = |(k, s): (usize, &State)| {
             let (i, j) = ((k % columns) as f64, (k / columns) as f64);
             let (x, y) = (first.x + i * dx - s.x, first.y + j * dy - s.y);
-            x.abs() < far && y.abs() < far && s.angle == 0.0 && s.log_scale == first.log_scale
+            x.abs() < far
+                && y.abs() < far
+                && s.angle == 0.0
+                && (s.log_scale, s.log_aspect) == (first.log_scale, first.log_aspect)
         };
         states.iter().enumerate().all(in_place).then_some(lattice)
     }
@@ -117,8 +120,8 @@ impl Dense {
         if self.of == Some(of) {
             return true;
         }
-        let half = 2.0 * self.pitch * first.log_scale.exp();
-        let Some(lattice) = Lattice::of(states, (half * extent.half_w, half * extent.half_h)) else { return false };
+        let (half, shape) = (2.0 * self.pitch * first.log_scale.exp(), first.shaped(extent));
+        let Some(lattice) = Lattice::of(states, (half * shape.half_w, half * shape.half_h)) else { return false };
         let count = |places: usize, step: usize| (places - 1) * step + 2 * self.blocks;
         let columns = count(lattice.columns, lattice.across).next_multiple_of(HALVES);
         let rows = count(lattice.rows, lattice.down);
@@ -242,7 +245,13 @@ mod tests {
         let mut refuses = |places: &[State]| !dense.look(&Pyramid::default(), places, EXTENT);
         assert!(refuses(&[]) && refuses(&places(5, 5, 0.5)), "too few");
         assert!(refuses(&places(8, 8, 0.3)) && refuses(&places(8, 8, 2.0)), "not half blocks apart, or too far");
-        for change in [(|s| s.x += 0.5) as fn(&mut State), |s| s.y += 0.5, |s| s.log_scale += 0.1, |s| s.angle = 0.1] {
+        for change in [
+            (|s| s.x += 0.5) as fn(&mut State),
+            |s| s.y += 0.5,
+            |s| s.log_scale += 0.1,
+            |s| s.log_aspect += 0.1,
+            |s| s.angle = 0.1,
+        ] {
             let mut places = places(8, 8, 0.5);
             change(&mut places[30]);
             assert!(refuses(&places));

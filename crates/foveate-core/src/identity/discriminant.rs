@@ -169,7 +169,8 @@ impl Discriminant {
         labels.extend(places.iter().map(|place| {
             let (u, v) = ((place.x - state.x) / w / settings.spread, (place.y - state.y) / h / settings.spread);
             let s = (place.log_scale - state.log_scale) / settings.log_scale;
-            (-0.5 * (u * u + v * v + s * s)).exp() as f32
+            let a = (place.log_aspect - state.log_aspect) / settings.log_scale;
+            (-0.5 * (u * u + v * v + s * s + a * a)).exp() as f32
         }));
         rows.resize(places.len() * weights.len(), 0.0);
     }
@@ -203,7 +204,7 @@ mod tests {
     const N: usize = 7;
     const PARTS: [usize; 2] = [4, 2];
     const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
-    const TARGET: State = State { x: 50.0, y: 40.0, vx: 0.0, vy: 0.0, log_scale: 0.1, angle: 0.0 };
+    const TARGET: State = State { x: 50.0, y: 40.0, vx: 0.0, vy: 0.0, log_scale: 0.1, angle: 0.0, log_aspect: 0.0 };
 
     /// Of random features at the places around the target, learned on so many frames.
     fn learned(settings: Settings, frames: u64) -> Discriminant {

@@ -71,7 +71,7 @@ impl Surroundings {
     /// Stores the features (`rows`, one a place) of places around a target at `state`. No effect unless there are
     /// places both at the target and around it.
     pub(crate) fn remember(&mut self, state: &State, extent: Extent, places: &[State], rows: &[f32]) {
-        let scale = state.log_scale.exp();
+        let (scale, extent) = (state.log_scale.exp(), state.shaped(extent));
         let (w, h) = (AT_TARGET * scale * extent.half_w, AT_TARGET * scale * extent.half_h);
         let at_target = |place: &State| (place.x - state.x).abs() <= w && (place.y - state.y).abs() <= h;
         let count = places.iter().filter(|place| at_target(place)).count();

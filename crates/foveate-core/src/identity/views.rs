@@ -57,7 +57,7 @@ const SLACK: f64 = 0.5;
 
 /// The parts of a frame that a set of states needs.
 struct Wanted {
-    /// Pixels per template unit at the mean size.
+    /// Pixels per template unit at the mean size and shape.
     unit: (f64, f64),
     /// Margin of the rings of the colour model, and the spacing of its samples.
     margin: (f64, f64),
@@ -67,17 +67,18 @@ struct Wanted {
 impl Looks<'_> {
     /// The parts of a frame that these states need, and their rectangles.
     fn survey(&self, size: (usize, usize), states: &[State], gazes: &[Gaze], found: &mut Vec<Region>) -> Wanted {
-        let (mut sum, mut least, mut margin) = (0.0, f64::MAX, (0.0_f64, 0.0_f64));
+        let (mut sum, mut least, mut margin) = ([0.0; 2], f64::MAX, (0.0_f64, 0.0_f64));
         let windows = states.iter().map(|s| {
             let (w, h) = s.half(self.extent);
             let reach @ (dx, dy) = Region::reach(s, gazes, (w, h), self.reach);
-            (sum, least) = (sum + s.log_scale, least.min(w.min(h)));
+            (sum, least) = ([sum[0] + s.log_scale, sum[1] + s.log_aspect], least.min(w.min(h)));
             margin = (margin.0.max(RING * w - dx), margin.1.max(RING * h - dy));
             Region::around(size, s, reach)
         });
         cluster(windows, size, found);
-        let scale = (sum / states.len() as f64).exp();
-        Wanted { unit: (scale * self.extent.half_w, scale * self.extent.half_h), margin, step: step(least) }
+        let [log_scale, log_aspect] = sum.map(|sum| sum / states.len() as f64);
+        let middle = State { log_scale, log_aspect, ..State::default() };
+        Wanted { unit: middle.half(self.extent), margin, step: step(least) }
     }
 
     /// What the colour model needs at a state, cut to the picture.

@@ -14,6 +14,8 @@ pub(super) fn take_off(image: &mut Image, look: TemplateSource<'_>, state: &Stat
         return;
     }
     let (Extent { half_w, half_h }, (left, top)) = (look.extent, look.origin);
+    let shape = state.shaped(look.extent);
+    let narrower = (half_w / shape.half_w, half_h / shape.half_h);
     let unit = state.log_scale.exp();
     let (sin, cos) = state.angle.sin_cos();
     let (w, h) = state.half(look.extent);
@@ -27,7 +29,7 @@ pub(super) fn take_off(image: &mut Image, look: TemplateSource<'_>, state: &Stat
         let plane = image.plane_mut(p);
         for (row, column) in rows.clone().flat_map(|row| columns.clone().map(move |column| (row, column))) {
             let (dx, dy) = ((column as f64 - state.x) / unit, (row as f64 - state.y) / unit);
-            let (u, v) = (cos * dx + sin * dy, cos * dy - sin * dx);
+            let (u, v) = (narrower.0 * (cos * dx + sin * dy), narrower.1 * (cos * dy - sin * dx));
             if u.abs() <= half_w && v.abs() <= half_h {
                 let (x, y) = (look.state.x + u - left as f64, look.state.y + v - top as f64);
                 let shown = share * value(look.image, p, x, y);

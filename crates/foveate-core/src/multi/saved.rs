@@ -9,7 +9,7 @@ use super::ranks::Ranks;
 use super::target::{SHAPE, Target};
 use super::{MOST_ID, MultiTracker};
 use crate::control::Consistency;
-use crate::geometry::{BBox, Extent, Gaze, State};
+use crate::geometry::{BBox, Covariance, Extent, Gaze, State};
 use crate::origin::Origin;
 use crate::seen::{Phase, Seen};
 use foveate_base::{Error, Result, memory};
@@ -18,7 +18,7 @@ use foveate_base::{Error, Result, memory};
 pub(super) const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
-const FORMAT: u32 = 9;
+const FORMAT: u32 = 10;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -59,7 +59,7 @@ struct SavedTrack {
     bbox: BBox,
     state: State,
     extent: Extent,
-    covariance: [[f64; 6]; 6],
+    covariance: Covariance,
     gaze: Gaze,
     visible: f64,
     deficit: f64,
@@ -200,7 +200,7 @@ impl SavedTarget {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
         let Self { track, lost, unseen, hidden, terminated, shape, surprise, .. } = self;
-        if (0..6).any(|k| track.covariance[k][k] < 0.0) {
+        if (0..State::N).any(|k| track.covariance[k][k] < 0.0) {
             let problem = format!("a variance of {} is less than 0", track.id);
             return Err(Error::Invalid(format!("the saved targets cannot be used: {problem}")));
         }

@@ -107,7 +107,7 @@ impl Target {
         let Seen { id, gaze, class, detected_class, shape: size, .. } = self.track;
         let given = Seen::given(size, &bbox).in_phase(phase);
         self.track = Seen { id, born, state, extent, gaze, class, detected_class, ..given };
-        (self.lost, self.unseen, self.hidden, self.shape, self.surprise) = (0, 0, 0, shape(&bbox, extent), 1.0);
+        (self.lost, self.unseen, self.hidden, self.shape, self.surprise) = (0, 0, 0, shape(&bbox, &state, extent), 1.0);
     }
 
     pub(super) fn step(&mut self, image: &Image, s: &Settings, detecting: bool) {
@@ -140,7 +140,7 @@ impl Target {
         self.track = Seen { p_lost, state: estimate, covariance, extent, gaze, class, ..self.track }.in_phase(phase);
         self.track.consistency.deficit = deficit;
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
-            self.shape += s.shape * (shape(&b, extent) - self.shape);
+            self.shape += s.shape * (shape(&b, &estimate, extent) - self.shape);
         }
         self.track.bbox = self.shaped(bbox);
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
@@ -175,19 +175,21 @@ impl Target {
         let State { vx, vy, .. } = self.track.state;
         if self.engine.update_template(image, &self.track.bbox, (vx, vy)).is_ok() {
             self.track.extent = self.engine.extent().expect("it was started");
-            (self.track.state.log_scale, self.shape, self.track.consistency.deficit) = (0.0, 0.0, 0.0);
+            (self.track.state.log_scale, self.track.state.log_aspect) = (0.0, 0.0);
+            (self.shape, self.track.consistency.deficit) = (0.0, 0.0);
         }
     }
 }
 
-/// Returns the shape of a box relative to that of a template.
-fn shape(b: &BBox, extent: Extent) -> f64 {
-    (b.w / b.h / extent.half_w * extent.half_h).ln().clamp(-SHAPE, SHAPE)
+/// Returns the shape of a box relative to that of a state of a target.
+fn shape(b: &BBox, state: &State, extent: Extent) -> f64 {
+    ((b.w / b.h / extent.half_w * extent.half_h).ln() - state.log_aspect).clamp(-SHAPE, SHAPE)
 }
 
 /// Returns the longer half of a target's box, pixels.
 fn longer_half(state: &State, extent: Extent) -> f64 {
-    state.log_scale.exp() * extent.half_w.max(extent.half_h)
+    let Extent { half_w, half_h } = state.shaped(extent);
+    state.log_scale.exp() * half_w.max(half_h)
 }
 
 #[cfg(test)]

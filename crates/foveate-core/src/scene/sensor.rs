@@ -225,7 +225,7 @@ impl Sensor {
         [reach, side]: Patch,
     ) -> Result<()> {
         let [width, height, _] = source.shape();
-        let (middle, scale) = (at.fixate(gaze, extent), at.log_scale.exp());
+        let (middle, scale, shape) = (at.fixate(gaze, extent), at.log_scale.exp(), at.shaped(extent));
         let along = |centre: f64, half: f64, length: usize| {
             let bin = (2.0 * half / side).ceil().max(1.0);
             let n = (2.0 * half / bin).ceil().max(1.0);
@@ -237,8 +237,8 @@ impl Sensor {
             (start as usize, ((end - start) / bin).ceil() as usize, bin as usize)
         };
         let half = |extent: f64| (reach * scale * extent).clamp(0.5, 1e6);
-        let (x, columns, bin_x) = along(middle.x, half(extent.half_w), width);
-        let (y, rows, bin_y) = along(middle.y, half(extent.half_h), height);
+        let (x, columns, bin_x) = along(middle.x, half(shape.half_w), width);
+        let (y, rows, bin_y) = along(middle.y, half(shape.half_h), height);
         self.read(source, Window { x, y, columns, rows, bin: (bin_x, bin_y) })
     }
 
@@ -305,7 +305,7 @@ mod tests {
     use crate::conformance;
 
     const EXTENT: Extent = Extent { half_w: 20.0, half_h: 12.0 };
-    const AT: State = State { x: 60.0, y: 40.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0 };
+    const AT: State = State { x: 60.0, y: 40.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0, log_aspect: 0.0 };
 
     fn picture(planes: usize) -> Image {
         let value = |i: usize| (i * 7 + i * i / 911) as u8;

@@ -209,6 +209,7 @@ impl Multi {
                 vy: y - before[1],
                 log_scale: low + (high - low) * level - first,
                 angle: most * (half * sway).sin(),
+                log_aspect: 0.0,
             }
         });
         let half = HALF * first.exp();

@@ -1,6 +1,7 @@
 // Time series that share one cursor.
 const degrees = series.angle.map(a => a === null ? null : a * 180 / Math.PI);
 const scale = series.log_scale.map(s => s === null ? null : Math.exp(s));
+const shape = series.log_aspect.map(a => a === null ? null : Math.exp(a));
 const speed = series.vx.map((vx, i) => vx === null ? null : Math.hypot(vx, series.vy[i]));
 const chartList = [
   { title: 'Reward', unit: '0 to 1', lines: [{ of: series.reward, name: 'chosen', ink: 'gaze' }], band: series.reward_low.some((v, i) => v !== series.reward_high[i]) && [series.reward_low, series.reward_high], bandName: 'all gazes' },
@@ -11,6 +12,7 @@ const chartList = [
   { title: 'Position uncertainty', unit: 'px (1 sd)', from: 0, lines: [{ of: series.sd_x, name: 'x', ink: 'target' }, { of: series.sd_y, name: 'y', ink: 'third', dash: true }] },
   { title: 'Speed', unit: 'px/frame', from: 0, lines: [{ of: speed, ink: 'target' }] },
   { title: 'Scale', unit: '× first frame', least: .1, lines: [{ of: scale, ink: 'target' }] },
+  { title: 'Width / height', unit: '× first frame', least: .1, lines: [{ of: shape, ink: 'target' }] },
   { title: 'Angle', unit: 'degrees', least: 10, lines: [{ of: degrees, ink: 'target' }] },
 ];
 const known = series.true_x.some(x => x !== null);

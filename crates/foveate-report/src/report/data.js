@@ -28,10 +28,15 @@ const fixed = !data.surface && arms.length < 2 && gazes.every(([u, v]) => u === 
 
 const median = list => { const s = list.filter(v => v !== null).sort((a, b) => a - b); return s.length ? s[s.length >> 1] : null; };
 
+// Half the width and height of the box, as State::half has it.
+function half(row) {
+  const s = Math.exp(series.log_scale[row]), wider = Math.exp(series.log_aspect[row] / 2);
+  return [s * wider * series.half_w[row], s * series.half_h[row] / wider];
+}
+
 // Where a gaze falls on the image, as State::fixate has it: centre, and one template unit along u and v.
 function fixate(row, u, v) {
-  const s = Math.exp(series.log_scale[row]), sin = Math.sin(series.angle[row]), cos = Math.cos(series.angle[row]);
-  const w = s * series.half_w[row], h = s * series.half_h[row];
+  const [w, h] = half(row), sin = Math.sin(series.angle[row]), cos = Math.cos(series.angle[row]);
   return { x: series.x[row] + cos * w * u - sin * h * v, y: series.y[row] + sin * w * u + cos * h * v, ux: cos * w, uy: sin * w, vx: -sin * h, vy: cos * h };
 }
 

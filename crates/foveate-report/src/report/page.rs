@@ -13,7 +13,7 @@ use foveate_core::geometry::BBox;
 use foveate_video::Frame;
 
 /// One number per frame; NaN if there is none. All but the first two are of the only target, and empty if there are more.
-const COLUMNS: [&str; 32] = [
+const COLUMNS: [&str; 33] = [
     "frame",
     "time",
     "x",
@@ -22,6 +22,7 @@ const COLUMNS: [&str; 32] = [
     "vy",
     "log_scale",
     "angle",
+    "log_aspect",
     "half_w",
     "half_h",
     "true_x",
@@ -161,7 +162,7 @@ impl Page {
         row[1] = frame.time;
         if let Some(Some(b)) = self.truth.get(frame.index) {
             let (x, y) = b.centre();
-            row[10..14].copy_from_slice(&[x, y, b.w, b.h]);
+            row[11..15].copy_from_slice(&[x, y, b.w, b.h]);
         }
         self.rows.push(row);
         self.classes.push(vec![]);
@@ -176,8 +177,8 @@ impl Page {
     /// Adds the only target to the last row.
     pub(super) fn only(&mut self, seen: &Seen<'_>) {
         let row = self.rows.last_mut().expect("a frame has a row");
-        row[2..8].copy_from_slice(&seen.state.to_array());
-        row[8..10].copy_from_slice(&[seen.extent.half_w, seen.extent.half_h]);
+        row[2..9].copy_from_slice(&seen.state.to_array());
+        row[9..11].copy_from_slice(&[seen.extent.half_w, seen.extent.half_h]);
     }
 
     /// Adds the estimate of the only target to the last row. Without views there are no numbers of particles and gazes.
@@ -186,9 +187,9 @@ impl Page {
         let index = self.rows.len() - 1;
         let c = &seen.covariance;
         let row = &mut self.rows[index];
-        row[14..19].copy_from_slice(&[c[0][0], c[0][1], c[1][1], c[0][0].sqrt(), c[1][1].sqrt()]);
-        row[21] = f64::from(u8::from(seen.is_usable()));
-        row[29..].copy_from_slice(&[seen.p_lost, f64::from(seen.status as u8), seen.localisation_noise * seen.unit()]);
+        row[15..20].copy_from_slice(&[c[0][0], c[0][1], c[1][1], c[0][0].sqrt(), c[1][1].sqrt()]);
+        row[22] = f64::from(u8::from(seen.is_usable()));
+        row[30..].copy_from_slice(&[seen.p_lost, f64::from(seen.status as u8), seen.localisation_noise * seen.unit()]);
         if seen.weights.is_empty() {
             return;
         }
@@ -200,8 +201,8 @@ impl Page {
         let gaze = seen.plan.chosen();
         let low = seen.rewards.iter().copied().fold(f64::INFINITY, f64::min);
         let high = seen.rewards.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        row[19..21].copy_from_slice(&[seen.ess, seen.log_evidence]);
-        row[22..29].copy_from_slice(&[
+        row[20..22].copy_from_slice(&[seen.ess, seen.log_evidence]);
+        row[23..30].copy_from_slice(&[
             gaze.u,
             gaze.v,
             arm.map_or(f64::NAN, |arm| arm as f64),

@@ -24,13 +24,14 @@ const still = k => stills[k] ||= (image => { image.onload = () => { if (k === no
 
 // The close-up stands in the corner that is farthest from the target, and moves only when the target comes near.
 const aspect = frameWidth / frameHeight, INSET = .31;
-const small = keys.some(key => 2 * Math.exp(series.log_scale[key.row]) * Math.max(series.half_w[key.row] / frameWidth, series.half_h[key.row] / frameHeight) < .3);
+const share = row => Math.max(half(row)[0] / frameWidth, half(row)[1] / frameHeight);
+const small = keys.some(key => 2 * share(key.row) < .3);
 if (viewed && !small) { shown.zoom = false; layers.find(l => l.name === 'zoom').box.checked = false; }
 const corners = [];
 keys.reduce((corner, { row }) => {
   const [x, y] = [(series.x[row] + .5) / frameWidth, (series.y[row] + .5) / frameHeight];
   const apart = ([right, low]) => Math.max(right ? 1 - x : x, low ? 1 - y : y);
-  const size = Math.exp(series.log_scale[row]) * Math.max(series.half_w[row] / frameWidth, series.half_h[row] / frameHeight);
+  const size = share(row);
   const best = [[1, 0], [0, 0], [1, 1], [0, 1]].reduce((a, b) => apart(b) > apart(a) + 1e-9 ? b : a);
   corners.push(corner && apart(corner) > INSET + .06 + size ? corner : best);
   return corners[corners.length - 1];
@@ -64,7 +65,7 @@ function drawStage() {
 
 // What the close-up shows: a square of the frame around the target.
 function closeUp(row) {
-  const w = 3.3 * Math.exp(series.log_scale[row]) * Math.max(series.half_w[row], series.half_h[row]);
+  const w = 3.3 * Math.max(...half(row));
   return { x: series.x[row] + .5 - w / 2, y: series.y[row] + .5 - w / 2, w };
 }
 

@@ -67,6 +67,7 @@ fn damaged_saved_trackers_never_panic() {
         ("half_h", "0"),
         ("unit", "1e308"),
         ("log_scale", "1e308"),
+        ("log_aspect", "-1e308"),
         ("x", "-1e308"),
         ("vx", "1e308"),
         ("angle", "-1e308"),

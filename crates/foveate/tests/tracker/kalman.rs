@@ -22,11 +22,12 @@ use rand_distr::StandardNormal;
 use std::array::from_fn;
 use std::sync::Arc;
 
-type Matrix = [[f64; 6]; 6];
+type Matrix = [[f64; N]; N];
 
 /// Mean and covariance after each frame, and the log evidence of all frames.
 type Filtered = (Vec<(State, Matrix)>, f64);
 
+const N: usize = State::N;
 const FRAMES: usize = 16;
 const PARTICLES: usize = 6000;
 /// Filters of one set of observations; their spread says how far their mean may be from the truth.
@@ -39,18 +40,20 @@ const MOTION: Autoregressive = Autoregressive {
     log_scale: 0.05,
     angle_pull: 0.95,
     angle: 0.04,
+    aspect_pull: 0.92,
+    aspect: 0.06,
     tail_probability: 0.0,
     tail_scale: 1.0,
 };
 /// Standard deviation of the first state's components.
-const START: [f64; 6] = [2.0, 2.0, 1.0, 1.0, 0.1, 0.1];
-/// What is seen of a state (x, y, log scale, angle), and the standard deviation of the noise on it.
-const SEEN: [(usize, f64); 4] = [(0, 2.0), (1, 2.5), (4, 0.2), (5, 0.2)];
+const START: [f64; N] = [2.0, 2.0, 1.0, 1.0, 0.1, 0.1, 0.12];
+/// What is seen of a state (x, y, log scale, angle, log aspect), and the standard deviation of the noise on it.
+const SEEN: [(usize, f64); 5] = [(0, 2.0), (1, 2.5), (4, 0.2), (5, 0.2), (6, 0.25)];
 
 /// The exact filter of a target whose first state has these standard deviations.
-fn kalman(start: [f64; 6], observations: &[[f64; 4]]) -> Filtered {
+fn kalman(start: [f64; N], observations: &[[f64; 5]]) -> Filtered {
     let m = MOTION;
-    let (mut f, mut q) = ([[0.0; 6]; 6], [[0.0; 6]; 6]); // x' = F x + noise of covariance Q, in the order of State's fields
+    let (mut f, mut q) = ([[0.0; N]; N], [[0.0; N]; N]); // x' = F x + noise of covariance Q, in the order of State's fields
     for (x, v) in [(0, 2), (1, 3)] {
         (f[x][x], f[x][v], f[v][v]) = (1.0, m.damping, m.damping);
         let moved = m.velocity.powi(2);
@@ -58,24 +61,25 @@ fn kalman(start: [f64; 6], observations: &[[f64; 4]]) -> Filtered {
     }
     (f[4][4], q[4][4]) = (m.scale_pull, m.log_scale.powi(2));
     (f[5][5], q[5][5]) = (m.angle_pull, m.angle.powi(2));
+    (f[6][6], q[6][6]) = (m.aspect_pull, m.aspect.powi(2));
 
-    let mut mean = [0.0; 6];
+    let mut mean = [0.0; N];
     let mut cov: Matrix = from_fn(|i| from_fn(|j| if i == j { start[i].powi(2) } else { 0.0 }));
     let (mut beliefs, mut log_evidence) = (Vec::new(), 0.0);
     for observation in observations {
-        mean = from_fn(|i| (0..6).map(|k| f[i][k] * mean[k]).sum());
-        let half: Matrix = from_fn(|i| from_fn(|j| (0..6).map(|k| f[i][k] * cov[k][j]).sum()));
-        cov = from_fn(|i| from_fn(|j| (0..6).map(|k| half[i][k] * f[j][k]).sum::<f64>() + q[i][j]));
+        mean = from_fn(|i| (0..N).map(|k| f[i][k] * mean[k]).sum());
+        let half: Matrix = from_fn(|i| from_fn(|j| (0..N).map(|k| f[i][k] * cov[k][j]).sum()));
+        cov = from_fn(|i| from_fn(|j| (0..N).map(|k| half[i][k] * f[j][k]).sum::<f64>() + q[i][j]));
         // One number at a time: their noises are independent.
         for (&(seen, sd), value) in SEEN.iter().zip(observation) {
             let variance = cov[seen][seen] + sd * sd;
             let innovation = value - mean[seen];
             log_evidence -= 0.5 * (innovation * innovation / variance + (std::f64::consts::TAU * variance).ln());
-            let gain: [f64; 6] = from_fn(|i| cov[i][seen] / variance);
+            let gain: [f64; N] = from_fn(|i| cov[i][seen] / variance);
             let row = cov[seen];
-            for i in 0..6 {
+            for i in 0..N {
                 mean[i] += gain[i] * innovation;
-                for j in 0..6 {
+                for j in 0..N {
                     cov[i][j] -= gain[i] * row[j];
                 }
             }
@@ -85,13 +89,13 @@ fn kalman(start: [f64; 6], observations: &[[f64; 4]]) -> Filtered {
     (beliefs, log_evidence)
 }
 
-fn first_state(start: [f64; 6], streams: Streams, i: u64) -> State {
+fn first_state(start: [f64; N], streams: Streams, i: u64) -> State {
     let mut rng = streams.rng(i);
     State::from_array(start.map(|sd| sd * rng.sample::<f64, _>(StandardNormal)))
 }
 
 /// What is seen of a target that moves by the model.
-fn observations(start: [f64; 6], seed: u64) -> Vec<[f64; 4]> {
+fn observations(start: [f64; N], seed: u64) -> Vec<[f64; 5]> {
     let mut state = first_state(start, Streams::new(seed, 0).at(0, Purpose::Scene), 0);
     let mut rng = Streams::new(seed, 0).at(1, Purpose::Scene).rng(0);
     let mut next = || {
@@ -101,7 +105,7 @@ fn observations(start: [f64; 6], seed: u64) -> Vec<[f64; 4]> {
     (0..FRAMES).map(|_| next()).collect()
 }
 
-fn log_likelihood(state: &State, observation: &[f64; 4]) -> f64 {
+fn log_likelihood(state: &State, observation: &[f64; 5]) -> f64 {
     let terms = SEEN.iter().zip(observation).map(|(&(i, sd), value)| {
         let z = (value - state.to_array()[i]) / sd;
         -0.5 * (z * z + std::f64::consts::TAU.ln()) - sd.ln()
@@ -110,7 +114,7 @@ fn log_likelihood(state: &State, observation: &[f64; 4]) -> f64 {
 }
 
 /// Algorithm 1 without gaze.
-fn filter(proposal: &mut dyn Proposal, resampling: &Resampling, observations: &[[f64; 4]], seed: u64) -> Filtered {
+fn filter(proposal: &mut dyn Proposal, resampling: &Resampling, observations: &[[f64; 5]], seed: u64) -> Filtered {
     let (streams, n, frame) = (Streams::new(seed, 1), PARTICLES, blank_image());
     let start = streams.at(0, Purpose::Start);
     let mut particles: Vec<State> = (0..n).map(|i| first_state(START, start, i as u64)).collect();
@@ -151,7 +155,8 @@ impl Proposal for Wide {
         log_ratio: &mut [f64],
         streams: Streams,
     ) {
-        let wide = Autoregressive { velocity: 0.75, position: 0.5, log_scale: 0.06, angle: 0.05, ..MOTION };
+        let wide =
+            Autoregressive { velocity: 0.75, position: 0.5, log_scale: 0.06, angle: 0.05, aspect: 0.07, ..MOTION };
         Prior::new(Arc::new(wide)).propose(scene, parents, children, log_ratio, streams);
         for ((parent, child), log_ratio) in parents.iter().zip(children).zip(log_ratio) {
             let log_q = wide.log_density(child, parent);
@@ -163,7 +168,7 @@ impl Proposal for Wide {
 
 #[test]
 fn the_wide_proposal_keeps_the_law() {
-    let (frame, parent) = (blank_image(), State::from_array([1.0, 2.0, 3.0, 4.0, 0.1, 0.2]));
+    let (frame, parent) = (blank_image(), State::from_array([1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.3]));
     conformance::proposal(&mut Wide, Scene { image: &frame, detections: &[] }, &parent);
 }
 
@@ -176,22 +181,22 @@ fn mean_and_error(values: impl Iterator<Item = f64>) -> (f64, f64) {
 }
 
 /// 3 seeds × 16 filters of 6,000 particles. Means and variances at four frames lie within 7 standard errors of the
-/// exact ones (t with 15 degrees of freedom: 4 in 10⁶; 147 comparisons: less than 1 in 1,000), and within 0.1
+/// exact ones (t with 15 degrees of freedom: 4 in 10⁶; 171 comparisons: less than 1 in 1,000), and within 0.1
 /// deviations (variances: 10 %), so that a large error cannot hide a bias. The evidence itself (not its logarithm)
 /// is unbiased.
 fn agrees(make: &dyn Fn() -> Box<dyn Proposal>, scheme: Scheme, below: f64) {
-    let run = |observations: &[[f64; 4]], seed| filter(&mut *make(), &Resampling { scheme, below }, observations, seed);
+    let run = |observations: &[[f64; 5]], seed| filter(&mut *make(), &Resampling { scheme, below }, observations, seed);
     agrees_with(START, RUNS, 7.0, &run);
 }
 
 /// Filters `runs` times with each of 3 seeds, and compares with the exact filter; `errors` is how many standard errors are
 /// allowed.
-fn agrees_with(start: [f64; 6], runs: usize, errors: f64, filter: &dyn Fn(&[[f64; 4]], u64) -> Filtered) {
+fn agrees_with(start: [f64; N], runs: usize, errors: f64, filter: &dyn Fn(&[[f64; 5]], u64) -> Filtered) {
     for seed in 1..=3 {
         let observations = observations(start, seed);
         let (exact, exact_evidence) = kalman(start, &observations);
         let runs: Vec<Filtered> = (0..runs as u64).map(|run| filter(&observations, 100 * seed + run)).collect();
-        for (t, i) in [0, 4, 9, FRAMES - 1].into_iter().flat_map(|t| (0..6).map(move |i| (t, i))) {
+        for (t, i) in [0, 4, 9, FRAMES - 1].into_iter().flat_map(|t| (0..N).map(move |i| (t, i))) {
             let (exact_mean, exact_variance) = (exact[t].0.to_array()[i], exact[t].1[i][i]);
             let check = |what: &str, (got, error): (f64, f64), exact: f64, tolerance: f64| {
                 let allowed = (errors * error).min(tolerance);
@@ -237,14 +242,14 @@ fn wide_below_half_multinomial_carries_weights() {
 const BOX: (f64, f64) = (32.0, 18.0);
 const UNIT: f64 = 12.0;
 const CENTRE: (f64, f64) = (40.0, 30.0);
-const SPREAD: StartSpread = StartSpread { position: 0.2, velocity: 0.1, log_scale: 0.1, angle: 0.1 };
+const SPREAD: StartSpread = StartSpread { position: 0.2, velocity: 0.1, log_scale: 0.1, angle: 0.1, aspect: 0.12 };
 /// The deviations of its first particles, pixels: 0.2 half boxes across and down, 0.1 template units a frame.
-const SPREAD_START: [f64; 6] = [3.2, 1.8, 1.2, 1.2, 0.1, 0.1];
+const SPREAD_START: [f64; N] = [3.2, 1.8, 1.2, 1.2, 0.1, 0.1, 0.12];
 const TRACKER_PARTICLES: usize = 8000;
 const TRACKER_RUNS: usize = 40;
 
 /// The picture holds what is seen in its frame: the eight bytes of each number, in the first row.
-fn picture(observation: &[f64; 4]) -> Image {
+fn picture(observation: &[f64; 5]) -> Image {
     let mut image = Image::grey(80, 60, 0);
     for (bytes, value) in image.plane_mut(0).chunks_exact_mut(8).zip(observation) {
         bytes.copy_from_slice(&value.to_le_bytes());
@@ -253,7 +258,7 @@ fn picture(observation: &[f64; 4]) -> Image {
 }
 
 /// Its likelihood is the density of what is seen, read from the picture; any gaze sees the same.
-struct Linear([f64; 4]);
+struct Linear([f64; 5]);
 
 impl Appearance for Linear {
     fn init_template(&mut self, _: &Image, _: &State, _: Extent, _: Streams) -> ReferenceLikelihood {
@@ -274,9 +279,9 @@ impl Appearance for Linear {
 fn track(
     proposal: Box<dyn Proposal>,
     particles: usize,
-    observations: &[[f64; 4]],
+    observations: &[[f64; 5]],
     seed: u64,
-    look: &mut dyn FnMut(&Seen<'_>, &[f64; 4]),
+    look: &mut dyn FnMut(&Seen<'_>, &[f64; 5]),
 ) -> Filtered {
     let resampling = Resampling { scheme: Scheme::Systematic, below: 0.1 };
     let filter = Filter::new(proposal, particles).expect("some particles");
@@ -284,13 +289,13 @@ fn track(
     let gaze = GazeControl::new(Box::new(Fixed::new(Gaze::CENTRE)), Box::new(reward));
     let monitor = Monitor::new(ConsistencySettings::default(), ConfidenceModel::default());
     let parts =
-        Parts::new(filter.with_resampling(resampling).with_start(SPREAD), gaze, Box::new(Linear([0.0; 4])), monitor);
+        Parts::new(filter.with_resampling(resampling).with_start(SPREAD), gaze, Box::new(Linear([0.0; 5])), monitor);
     let mut tracker = Tracker::from_parts(parts, Preprocessor::default(), seed);
     let (x, y) = CENTRE;
-    tracker.init(&picture(&[0.0; 4]), BBox::around(x, y, BOX.0, BOX.1)).expect("a box in the picture");
+    tracker.init(&picture(&[0.0; 5]), BBox::around(x, y, BOX.0, BOX.1)).expect("a box in the picture");
     let (mut beliefs, mut log_evidence) = (Vec::new(), 0.0);
-    for [seen_x, seen_y, log_scale, angle] in observations {
-        let observation = [seen_x + x, seen_y + y, *log_scale, *angle];
+    for [seen_x, seen_y, log_scale, angle, log_aspect] in observations {
+        let observation = [seen_x + x, seen_y + y, *log_scale, *angle, *log_aspect];
         let picture = picture(&observation);
         let seen = tracker.update(&picture).expect("a picture of the first size");
         beliefs.push((State { x: seen.state.x - x, y: seen.state.y - y, ..seen.state }, seen.covariance));
@@ -314,10 +319,10 @@ fn prior_of_unit() -> Box<dyn Proposal> {
 /// With the prior as proposal a weight is the one before, or 1/N after a selection, times the likelihood, over the evidence.
 #[test]
 fn weights_of_the_tracker_are_carried_until_it_selects() {
-    const N: usize = 1000;
+    const COUNT: usize = 1000;
     for seed in 1..=3 {
-        let (mut before, mut frames) = (vec![1.0 / N as f64; N], [0, 0]);
-        track(prior_of_unit(), N, &observations(SPREAD_START, seed), seed, &mut |step, observation| {
+        let (mut before, mut frames) = (vec![1.0 / COUNT as f64; COUNT], [0, 0]);
+        track(prior_of_unit(), COUNT, &observations(SPREAD_START, seed), seed, &mut |step, observation| {
             let unnormalized: Vec<f64> =
                 step.particles.iter().zip(&before).map(|(s, w)| w * log_likelihood(s, observation).exp()).collect();
             let evidence: f64 = unnormalized.iter().sum();
@@ -326,7 +331,7 @@ fn weights_of_the_tracker_are_carried_until_it_selects() {
                 assert!((got - exact / evidence).abs() < 1e-12, "seed {seed}: {got} is not {}", exact / evidence);
             }
             frames[usize::from(carries(step))] += 1;
-            before.fill(1.0 / N as f64);
+            before.fill(1.0 / COUNT as f64);
             if carries(step) {
                 before.copy_from_slice(step.weights);
             }
@@ -336,13 +341,13 @@ fn weights_of_the_tracker_are_carried_until_it_selects() {
 }
 
 /// 3 seeds × 40 trackers of 8,000 particles. Means, variances and evidence lie within 5 standard errors of the exact ones (t
-/// with 39 degrees of freedom: 13 in 10⁶; 147 comparisons: a correct tracker fails for 2 sets of seeds in 1,000), and
+/// with 39 degrees of freedom: 13 in 10⁶; 171 comparisons: a correct tracker fails for 2 sets of seeds in 1,000), and
 /// within 0.1 deviations (variances: 10 %). The product of the frames' evidence (not its logarithm) is unbiased. Some frames
 /// select, about as many carry the weights on.
 fn tracker_agrees(make: &dyn Fn() -> Box<dyn Proposal>) {
     let (carried, frames) = (std::cell::Cell::new(0), 3 * TRACKER_RUNS * FRAMES);
-    let run = |observations: &[[f64; 4]], seed| {
-        let mut count = |step: &Seen<'_>, _: &[f64; 4]| carried.set(carried.get() + usize::from(carries(step)));
+    let run = |observations: &[[f64; 5]], seed| {
+        let mut count = |step: &Seen<'_>, _: &[f64; 5]| carried.set(carried.get() + usize::from(carries(step)));
         track(make(), TRACKER_PARTICLES, observations, seed, &mut count)
     };
     agrees_with(SPREAD_START, TRACKER_RUNS, 5.0, &run);

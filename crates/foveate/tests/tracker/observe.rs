@@ -105,14 +105,14 @@ fn boxes_and_table_read_back() {
     let names: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
     let column = |name: &str| names.iter().position(|n| *n == name).unwrap_or_else(|| panic!("no column {name}"));
     assert_eq!(names.iter().collect::<std::collections::BTreeSet<_>>().len(), names.len(), "no name twice");
-    assert_eq!(names.iter().filter(|n| n.starts_with("cov_")).count(), 21);
+    assert_eq!(names.iter().filter(|n| n.starts_with("cov_")).count(), 28);
     let given: Vec<&str> = text.lines().nth(1).expect("frame 1").split(',').collect();
     assert_eq!((given.len(), given[column("left")], given[column("ess")]), (names.len(), "10", ""));
     for (line, (state, cov_xy, cov_aa, ess, evidence, u)) in text.lines().skip(2).zip(&rows) {
         let got = numbers(line);
         assert_eq!(got.len(), names.len());
         let bits = |name: &str| got[column(name)].expect("a number").to_bits();
-        for (name, value) in ["x", "y", "vx", "vy", "log_scale", "angle"].iter().zip(state) {
+        for (name, value) in ["x", "y", "vx", "vy", "log_scale", "angle", "log_aspect"].iter().zip(state) {
             assert_eq!(bits(name), value.to_bits(), "{name}");
         }
         for (name, value) in

@@ -38,9 +38,8 @@ fn retinas() -> [Foveal; 3] {
 fn look(retina: &Foveal, image: &Image, state: &State, gaze: Gaze, extent: Extent) -> Vec<f32> {
     let reach = retina.footprints().iter().map(|f| f.reach).fold(0.0, f64::max);
     let region = Region::covering(image, &[*state], &[gaze], extent, reach);
-    let size = state.log_scale.exp();
     let mut pyramid = Pyramid::default();
-    pyramid.build(image, region, retina.footprints(), (size * extent.half_w, size * extent.half_h));
+    pyramid.build(image, region, retina.footprints(), state.half(extent));
     let mut glimpse = vec![f32::NAN; retina.glimpse_len()];
     retina.look(&pyramid, state.fixate(gaze, extent), &mut glimpse);
     glimpse
@@ -93,6 +92,7 @@ fn a_ramp_is_seen_in_closed_form() {
                 y: 58.0 + spread(6.0),
                 log_scale: spread(0.3),
                 angle: spread(3.0),
+                log_aspect: spread(0.4),
                 ..State::default()
             };
             let gaze = Gaze { u: spread(0.3), v: spread(0.3), arm: None };

@@ -51,7 +51,7 @@ impl Picture {
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 struct Template {
     picture: Picture,
-    state: [f64; 6],
+    state: [f64; State::N],
     half: [f64; 2],
 }
 

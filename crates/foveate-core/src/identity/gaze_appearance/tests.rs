@@ -17,8 +17,8 @@ fn states() -> Vec<State> {
             y: 40.0 + off(9.0),
             log_scale: off(0.1),
             angle: off(0.2),
-            vx: 0.0,
-            vy: 0.0,
+            log_aspect: off(0.1),
+            ..State::default()
         })
         .collect()
 }

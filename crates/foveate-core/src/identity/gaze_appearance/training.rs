@@ -24,10 +24,10 @@ impl GazeAppearance {
         let Some(mut training) = self.training.take() else { return };
         if frame_deficit <= training.settings().gate {
             let (extent, n_v) = (self.extent(), self.retina.glimpse_len());
-            let scale = state.log_scale.exp();
+            let (scale, shape) = (state.log_scale.exp(), state.shaped(extent));
             let at = |(u, v): (f64, f64)| State {
-                x: state.x + u * scale * extent.half_w,
-                y: state.y + v * scale * extent.half_h,
+                x: state.x + u * scale * shape.half_w,
+                y: state.y + v * scale * shape.half_h,
                 ..*state
             };
             let offsets: Vec<(f64, f64)> = training.offsets().collect();
