@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::control::{LocalSearch, Redetection};
-use crate::engine::{Engine, Filter, GazeControl, Monitor};
+use crate::engine::{Filter, GazeControl, Monitor};
 use crate::identity::Appearance;
 use crate::identity::box_regression::{self, BoxRegression};
 use crate::identity::encoder::Encoder;
@@ -218,9 +218,6 @@ impl Config {
     }
 }
 
-/// The bit of a target's number from which on the number of a member is in it: members share no draw.
-const MEMBER: u32 = 56;
-
 /// Whether a retina at the centre of the box sees all of it: then a sensor's gaze need not move it.
 fn covers_the_box(retina: &Foveal) -> bool {
     retina.footprints().iter().any(|f| f.reach + 0.5 * f.side >= 1.0)
@@ -250,19 +247,15 @@ impl std::fmt::Debug for Blueprint {
 }
 
 impl Blueprint {
-    /// The engine of one target.
-    pub(crate) fn engine(&self, seed: u64, target: u64) -> Result<Engine> {
-        Ok(Engine::new(self.parts()?, seed, target))
-    }
     /// What a tracker of this seed and target is made with.
     pub(crate) fn origin(&self, seed: u64, target: u64) -> Origin {
         let chain = std::iter::successors(Some(self), |blueprint| blueprint.second.as_deref());
         let value = |blueprint: &Self| serde_json::to_value(&blueprint.config).expect("a configuration is plain data");
         Origin { seed, target, configurations: chain.map(value).collect() }
     }
-    /// The engines of all members that follow one target.
-    pub(crate) fn members(&self, seed: u64, target: u64) -> Result<Vec<Engine>> {
-        (0..self.config.committee as u64).map(|k| self.engine(seed, target ^ (k << MEMBER))).collect()
+    /// The parts of all trackers that vote on one target.
+    pub(crate) fn members(&self) -> Result<Vec<crate::engine::Parts>> {
+        (0..self.config.committee).map(|_| self.parts()).collect()
     }
     /// The parts of a tracker.
     ///

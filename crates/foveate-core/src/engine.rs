@@ -60,7 +60,7 @@ pub struct Parts {
     pub monitor: Monitor,
     extras: Extras,
     /// The parts of a second tracker; the overlap of the two boxes is a cue of P(lost).
-    pub second_opinion: Option<Box<Parts>>,
+    pub(crate) second: Option<Box<Self>>,
 }
 
 foveate_base::opaque_debug!(Parts);
@@ -68,7 +68,7 @@ foveate_base::opaque_debug!(Parts);
 impl Parts {
     /// Combines these parts, without a recogniser, box regression or second tracker.
     pub fn new(filter: Filter, gaze: GazeControl, appearance: Box<dyn Appearance>, monitor: Monitor) -> Self {
-        Self { filter, gaze, appearance, monitor, extras: Extras::default(), second_opinion: None }
+        Self { filter, gaze, appearance, monitor, extras: Extras::default(), second: None }
     }
     /// Sets the recogniser of the target's class. It never changes the track, unless it has an alarm.
     pub fn with_recognition(mut self, recognition: Option<Recognition>) -> Self {
@@ -80,19 +80,15 @@ impl Parts {
         self.extras.box_regression = box_regression;
         self
     }
-    /// Sets the parts of a second tracker; the overlap of the two boxes is a cue of P(lost).
-    pub fn with_second_tracker(self, second_opinion: Option<Self>) -> Self {
-        Self { second_opinion: second_opinion.map(Box::new), ..self }
+    /// Sets the parts of a second tracker; the overlap of the two boxes is a cue of P(lost). A second tracker has no second tracker itself.
+    pub fn with_second_tracker(self, second: Option<Self>) -> Self {
+        Self { second: second.map(Box::new), ..self }
     }
 }
-
-/// Flips one bit of a target's number for its second tracker, so that the two share no random draw.
-const SECOND: u64 = 1 << 63;
 
 /// The filter of one target.
 pub(crate) struct Engine {
     parts: Parts,
-    second: Option<Box<Self>>,
     streams: Streams,
     target: Option<Target>,
     /// Steps since the target was set.
@@ -135,10 +131,8 @@ pub(crate) struct Buffers {
 
 impl Engine {
     /// Creates an engine of these parts, with random streams that are named by `seed` and `target`.
-    pub(crate) fn new(mut parts: Parts, seed: u64, target: u64) -> Self {
-        let second = parts.second_opinion.take();
+    pub(crate) fn new(parts: Parts, seed: u64, target: u64) -> Self {
         Self {
-            second: second.map(|parts| Box::new(Self::new(*parts, seed, target ^ SECOND))),
             parts,
             streams: Streams::new(seed, target),
             target: None,
@@ -149,13 +143,13 @@ impl Engine {
         }
     }
 
-    /// Runs one frame of Algorithm 1. Panics before [`Engine::init`].
+    /// Runs one frame of Algorithm 1, and of the second tracker, which reads the same picture. Panics before [`Engine::init`].
     ///
     /// # Errors
     /// If a sensor cannot read its source. The caller must then set the target again.
-    pub(crate) fn step<'a>(&'a mut self, world: World<'a, '_>) -> Result<Seen<'a>> {
+    pub(crate) fn step<'a>(&'a mut self, world: World<'a, '_>, mut second: Option<&mut Self>) -> Result<Seen<'a>> {
         let (t, target, streams, mut last) = self.begin();
-        let Self { parts, second, context, visibility, .. } = self;
+        let Self { parts, context, visibility, .. } = self;
         let Parts { filter, gaze, appearance, monitor, extras, .. } = parts;
         // Importance sampling
         let mut belief = filter.predict(world.scene(), target.extent, (streams, t), last.belief); // x̃ ~ q, log wₜ₋₁ p/q
@@ -173,7 +167,7 @@ impl Engine {
         let estimate = belief.estimate();
         let percept = view.glimpse(&estimate.mean, plan.chosen(), last.percept);
         let found = monitor.search(&mut view, &estimate.mean, found);
-        let agreement = second::agreement(second, &view, &estimate);
+        let agreement = second::agreement(second.as_deref_mut(), &view, &estimate);
         let answer = extras.ask(&view, &estimate, monitor.model(), context.lost);
         let evidence = monitor.evidence(&mut view, &belief, &looks, &estimate, (&percept, &found));
         let evidence =
@@ -181,7 +175,7 @@ impl Engine {
         let verdict = monitor.judge(view.is_judged, &evidence);
         let misled = monitor.revise(&mut view, &verdict, &estimate, (context.lost, t));
         *context = monitor.context(&evidence, &belief, &estimate);
-        second::follow(second, &view, &estimate, &verdict, (context.lost, misled));
+        second::follow(second.as_deref_mut(), &view, &estimate, &verdict, (context.lost, misled));
         extras.recognise(&view, &estimate, context, streams.at(t, Recognize));
         let found = monitor.learn(&mut view, &belief, &estimate.mean, found, t);
         // Selection
@@ -191,12 +185,12 @@ impl Engine {
         let reported = Some((estimate, verdict));
         self.record =
             Record { belief, plan, looks, gaze_evidence, rewards, found, percept, ancestors, reported, ..last };
-        Ok(self.finish(scene, values))
+        Ok(self.finish(scene, values, second.as_deref()))
     }
 
     /// Runs one frame of Algorithm 1 on a picture in memory. Panics before [`Engine::init`].
     pub(crate) fn step_on<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
-        self.step(World::Picture(scene)).expect("a picture in memory can be read")
+        self.step(World::Picture(scene), None).expect("a picture in memory can be read")
     }
 
     /// Starts a frame. Returns its number, the target, the random streams, and the results of the last frame, whose buffers are used
@@ -210,21 +204,21 @@ impl Engine {
     }
 
     /// Ends a frame: counts the values read, scores the gazes that are recorded for observers, and commits to a gaze if the policy does.
-    fn finish<'a>(&'a mut self, scene: Scene<'a>, values: Option<usize>) -> Seen<'a> {
-        self.measure(scene.image.planes(), values);
+    fn finish<'a>(&'a mut self, scene: Scene<'a>, values: Option<usize>, second: Option<&Self>) -> Seen<'a> {
+        self.measure(scene.image.planes(), values, second);
         self.record_gazes(scene);
         self.commit_gaze();
         self.report(scene)
     }
 
-    /// Counts the pixels that were read; `values` is the number that a sensor read.
-    fn measure(&mut self, planes: usize, values: Option<usize>) {
+    /// Counts the pixels that were read, each once; `values` is the number that a sensor read.
+    fn measure(&mut self, planes: usize, values: Option<usize>, second: Option<&Self>) {
         let (parts, Record { meter, values: counted, .. }) = (&mut self.parts, &mut self.record);
         meter.clear();
         parts.appearance.measure(meter);
         parts.extras.measure(meter);
-        if let Some(second) = &self.second {
-            meter.add_all(&second.record.meter);
+        if let Some(second) = second {
+            meter.add_all(second.meter());
         }
         *counted = values.unwrap_or_else(|| meter.pixels() * planes);
     }
@@ -328,9 +322,6 @@ impl Engine {
     pub(crate) fn compact(&mut self) {
         self.parts.appearance.compact();
         self.parts.extras.compact();
-        if let Some(second) = &mut self.second {
-            second.compact();
-        }
     }
 
     /// Returns whether there is a target: `init` was called, or the state of a tracker with a target was loaded.

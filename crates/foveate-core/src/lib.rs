@@ -3,11 +3,11 @@
 
 mod alarm;
 pub mod assignment;
-mod committee;
 pub mod config;
 pub mod conformance;
 pub mod control;
 mod engine;
+mod ensemble;
 pub mod extend;
 pub mod gaze;
 pub mod geometry;

@@ -30,7 +30,8 @@ pub use crate::seen::Phase;
 pub(crate) use room::MemoryEstimate;
 pub use settings::Settings;
 
-use crate::engine::{Claim, Engine};
+use crate::engine::Claim;
+use crate::ensemble::Ensemble;
 use crate::geometry::BBox;
 use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor};
@@ -45,8 +46,8 @@ use pool::BufferPool;
 use ranks::Ranks;
 use target::Target;
 
-/// Creates the engine of the target with this id.
-pub(crate) type Make = Box<dyn Fn(u64) -> Engine + Send + Sync>;
+/// Creates the trackers of the target with this id.
+pub(crate) type Make = Box<dyn Fn(u64) -> Ensemble + Send + Sync>;
 
 /// Creates a preprocessor.
 pub(crate) type Fresh = Box<dyn Fn() -> Preprocessor + Send + Sync>;
@@ -188,7 +189,10 @@ impl MultiTracker {
         self.detecting |= !detections.is_empty();
         self.ranks.look(detections);
         if let Some(flow) = self.preprocessor.flow() {
-            self.active.iter_mut().for_each(|target| target.engine.compensate(flow, &mut target.track.state));
+            for target in &mut self.active {
+                target.ensemble.compensate(flow);
+                target.ensemble.first().shift(flow, &mut target.track.state);
+            }
             let camera = flow.camera();
             self.tentative.shift(&|x, y| camera.at(x, y));
         }
@@ -205,7 +209,7 @@ impl MultiTracker {
                 return;
             }
             let image = cleared.get(i).unwrap_or(image);
-            if !target.looked_at && target.engine.waits(target.track.detection.is_some()) {
+            if !target.looked_at && target.ensemble.first().waits(target.track.detection.is_some()) {
                 return target.step(image, s, detecting); // It needs no buffers.
             }
             target.with_buffers(pool, |target| target.step(image, s, detecting));
@@ -230,7 +234,7 @@ impl MultiTracker {
         match self.active.binary_search_by_key(&id, |t| t.track.id) {
             Ok(at) => {
                 let born = self.active[at].track.born;
-                self.active[at].with_buffers(&self.pool, |target| target.engine.init(image, bbox))?;
+                self.active[at].with_buffers(&self.pool, |target| target.ensemble.init(image, bbox))?;
                 self.active[at].begin(born, bbox, Phase::Initiated);
             }
             Err(_) => _ = self.start(image, id, bbox)?,
@@ -314,8 +318,8 @@ impl MultiTracker {
         let weak = |d: &Detection| ranks.of(d.score).unwrap_or(unknown) < s.weak;
         let mut given = pairs::in_stages(expected, left, &weak, s, &mut |i, j| {
             let target = active.get_mut(i).filter(|target| target.looked_at && !pool.stops())?;
-            let state = target.engine.state_at(&left[j].bbox);
-            Some(target.with_buffers(pool, |target| target.engine.similarity(image, &state)))
+            let state = target.ensemble.first().state_at(&left[j].bbox);
+            Some(target.with_buffers(pool, |target| target.ensemble.first_mut().similarity(image, &state)))
         });
         given.truncate(self.active.len());
         expected.truncate(self.active.len());
@@ -339,7 +343,7 @@ impl MultiTracker {
         bodies.extend(self.active.iter().zip(&*expected).map(body));
         occlusion::visible(bodies, meetings, &self.settings.occlusion, &mut self.fronts, visible);
         for (target, &visible) in self.active.iter_mut().zip(&*visible) {
-            target.engine.set_visibility(if self.settings.occlusion.explain > 0.0 { 1.0 } else { visible });
+            target.ensemble.set_visibility(if self.settings.occlusion.explain > 0.0 { 1.0 } else { visible });
             target.track.visible = visible;
         }
     }
@@ -359,7 +363,7 @@ impl MultiTracker {
         for (i, target) in self.active.iter_mut().enumerate() {
             let (met, others) = rest.split_at(rest.partition_point(|(k, _)| *k == i));
             rest = others;
-            target.engine.exclude(expected[i].claim(), met.iter().filter_map(|(_, j)| claims[*j]));
+            target.ensemble.exclude(expected[i].claim(), met.iter().filter_map(|(_, j)| claims[*j]));
         }
     }
 
@@ -376,7 +380,7 @@ impl MultiTracker {
                 cleared.plane_mut(p).copy_from_slice(image.plane(p));
             }
             for (_, other) in self.active.iter().enumerate().filter(|(j, t)| *j != i && t.track.is_usable()) {
-                if let Some(source) = other.engine.parts().appearance.template_source() {
+                if let Some(source) = other.ensemble.first().parts().appearance.template_source() {
                     explain::take_off(cleared, source, &other.next(), share);
                 }
             }

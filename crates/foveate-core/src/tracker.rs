@@ -3,9 +3,9 @@
 //! [`Tracker`] contains everything between a picture and a result: camera motion, detector, the particle filter with its gaze, and the
 //! recogniser. No other code steps the engine of one target.
 
-use crate::committee::Committee;
 use crate::config::{Blueprint, Configure};
-use crate::engine::{Engine, Parts};
+use crate::engine::Parts;
+use crate::ensemble::Ensemble;
 use crate::geometry::{BBox, Extent, State};
 use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor, Regions, Scene, Sensor, World};
@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 /// ```
 pub struct Tracker {
     origin: Origin,
-    committee: Committee,
+    ensemble: Ensemble,
     preprocessor: Preprocessor,
     /// The sensor that reads parts of the pictures; `None` if whole pictures are read.
     sensor: Option<Sensor>,
@@ -44,14 +44,14 @@ impl std::fmt::Debug for Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 17;
+const FORMAT: u32 = 18;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
     format: u32,
     origin: Origin,
     shape: Option<[usize; 3]>,
-    engine: serde_json::Value,
+    ensemble: serde_json::Value,
 }
 
 impl Tracker {
@@ -69,12 +69,13 @@ impl Tracker {
 
     /// Creates a tracker of these parts, with random streams that are named by `seed`. The preprocessor runs before each step.
     pub fn from_parts(parts: Parts, preprocessor: Preprocessor, seed: u64) -> Self {
-        Self::of(Origin::by_hand(seed), vec![Engine::new(parts, seed, 0)], preprocessor)
+        Self::of(Origin::by_hand(seed), vec![parts], preprocessor)
     }
 
-    /// Creates a tracker of one engine, or of several that vote.
-    fn of(origin: Origin, engines: Vec<Engine>, preprocessor: Preprocessor) -> Self {
-        Self { origin, committee: Committee::new(engines), preprocessor, sensor: None, shape: None }
+    /// Creates a tracker of these parts, or of several that vote.
+    fn of(origin: Origin, parts: Vec<Parts>, preprocessor: Preprocessor) -> Self {
+        let ensemble = Ensemble::new(parts, origin.seed, origin.target);
+        Self { origin, ensemble, preprocessor, sensor: None, shape: None }
     }
 
     /// Sets the sensor that reads pictures.
@@ -102,7 +103,7 @@ impl Tracker {
         let image = visible(self.sensor.as_ref(), picture)?;
         self.preprocessor.look(image);
         self.shape = Some(picture.shape());
-        self.committee.init(image, bbox)
+        self.ensemble.init(image, bbox)
     }
 
     /// Tracks the target into the next picture of the video. With `[sensor]` the tracker reads the overview first, then the windows around
@@ -118,9 +119,9 @@ impl Tracker {
         }
         let sensor = self.sensor.as_mut().expect("checked above");
         sensor.begin(picture)?;
-        look(&mut self.preprocessor, &mut self.committee, sensor.seen());
+        look(&mut self.preprocessor, &mut self.ensemble, sensor.seen());
         let detections = self.preprocessor.detections();
-        self.committee.first_mut().step(World::Sensor { sensor, source: picture, detections })
+        self.ensemble.step(World::Sensor { sensor, source: picture, detections })
     }
 
     /// Tracks the target as [`Tracker::update`] does, with the detections of your own detector instead of those of the configuration's.
@@ -134,7 +135,7 @@ impl Tracker {
                 "a tracker with [sensor] reads no detections of others; leave [sensor] out".into(),
             ));
         }
-        if !self.committee.first().uses_detections() {
+        if !self.ensemble.first().uses_detections() {
             return Err(Error::Invalid(
                 "update_with: this configuration uses no detections; add [detection_likelihood] to it (settings: \
                  detection_likelihood.place=0.2), or proposal.kind = \"mixture\" with dynamics.tail_probability = 0, or call update"
@@ -147,9 +148,9 @@ impl Tracker {
 
     /// Runs one frame on a whole picture, with these detections or those of the configuration's detector.
     fn step<'a>(&'a mut self, image: &'a Image, detections: Option<&'a [Detection]>) -> Result<Seen<'a>> {
-        look(&mut self.preprocessor, &mut self.committee, image);
+        look(&mut self.preprocessor, &mut self.ensemble, image);
         let detections = detections.unwrap_or(self.preprocessor.detections());
-        let seen = self.committee.step(Scene { image, detections });
+        let seen = self.ensemble.step_on(Scene { image, detections });
         // Camera motion and detectors read whole pictures.
         let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { seen.values };
         Ok(Seen { values, ..seen })
@@ -176,7 +177,7 @@ impl Tracker {
 
     /// Checks that there is a target, and that the picture has the shape of the first one.
     fn check_shape(&self, found: [usize; 3]) -> Result<()> {
-        let Some(first) = self.shape.filter(|_| self.committee.has_target()) else {
+        let Some(first) = self.shape.filter(|_| self.ensemble.has_target()) else {
             return Err(Error::Invalid("the tracker has no target: call init with a picture and a box first".into()));
         };
         if first != found {
@@ -195,40 +196,40 @@ impl Tracker {
     /// # Errors
     /// [`Error::Invalid`] before [`Tracker::init`], or if the box is not finite or has no area.
     pub fn reset_at(&mut self, bbox: BBox) -> Result<()> {
-        if !self.committee.has_target() {
+        if !self.ensemble.has_target() {
             return Err(Error::Invalid("the tracker has no target to put somewhere: call init first".into()));
         }
         bbox.check()?;
-        self.committee.reset_at(&bbox);
+        self.ensemble.reset_at(&bbox);
         Ok(())
     }
 
     /// Sets the visible fraction of the target in the next pictures, 0 to 1, if something occludes it; the default is 1. It scales the
     /// evidence of the looks; below one half they cannot change the status to lost.
     pub fn set_visibility(&mut self, visible: f64) {
-        self.committee.set_visibility(visible);
+        self.ensemble.set_visibility(visible);
     }
 
     /// Returns whether there is a target, set by [`Tracker::init`] or loaded.
     pub fn has_target(&self) -> bool {
-        self.committee.has_target()
+        self.ensemble.has_target()
     }
 
     /// Returns half the size of the target's box at scale 1, pixels; `None` before [`Tracker::init`].
     pub fn extent(&self) -> Option<Extent> {
-        self.committee.extent()
+        self.ensemble.extent()
     }
 
     /// Returns the parts.
     pub fn parts(&self) -> &Parts {
-        self.committee.parts()
+        self.ensemble.first().parts()
     }
 
     /// Returns the whole state in mid-video; [`Tracker::load`] resumes from it bit for bit. It excludes the pictures that the detector and
     /// the camera motion compare: show the last picture again with [`Tracker::skip`].
     pub fn save(&self) -> serde_json::Value {
         let saved =
-            Saved { format: FORMAT, origin: self.origin.clone(), shape: self.shape, engine: self.committee.save() };
+            Saved { format: FORMAT, origin: self.origin.clone(), shape: self.shape, ensemble: self.ensemble.save() };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
@@ -246,8 +247,8 @@ impl Tracker {
         }
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
         self.origin.check(&saved.origin).map_err(bad)?;
-        self.committee.load(&saved.engine)?;
-        if saved.shape.is_some() != self.committee.has_target() {
+        self.ensemble.load(&saved.ensemble)?;
+        if saved.shape.is_some() != self.ensemble.has_target() {
             return Err(bad("it has a target without the size of its pictures, or the size without a target".into()));
         }
         self.shape = saved.shape;
@@ -256,10 +257,10 @@ impl Tracker {
 }
 
 /// Shows the next picture to the preprocessor, and moves the particles with the camera.
-fn look(preprocessor: &mut Preprocessor, committee: &mut Committee, image: &Image) {
+fn look(preprocessor: &mut Preprocessor, ensemble: &mut Ensemble, image: &Image) {
     preprocessor.look(image);
     if let Some(flow) = preprocessor.flow() {
-        committee.compensate(flow);
+        ensemble.compensate(flow);
     }
 }
 
@@ -283,7 +284,7 @@ impl Blueprint {
     /// As [`Blueprint::tracker`].
     pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
         let sensor = self.config().sensor.clone().map(Sensor::new);
-        Ok(Tracker::of(self.origin(seed, target), self.members(seed, target)?, self.preprocessor()).with_sensor(sensor))
+        Ok(Tracker::of(self.origin(seed, target), self.members()?, self.preprocessor()).with_sensor(sensor))
     }
 }
 

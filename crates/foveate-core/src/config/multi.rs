@@ -1,6 +1,7 @@
 //! Many targets of one configuration: they share retina and first layer.
 
 use super::{Blueprint, Configure};
+use crate::ensemble::Ensemble;
 use crate::multi::MultiTracker;
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
@@ -24,7 +25,8 @@ impl Blueprint {
         }
         self.parts()?;
         let blueprint = self.clone();
-        let make = move |id| blueprint.engine(seed, id).expect("one was made with the same parts");
+        let parts = move || blueprint.parts().expect("they were made before");
+        let make = move |id| Ensemble::new(vec![parts()], seed, id);
         let (settings, blueprint) = (self.config.multi_target.unwrap_or_default(), self.clone());
         let (make, fresh) = (Box::new(make), Box::new(move || blueprint.preprocessor()));
         Ok(MultiTracker::of(self.origin(seed, 0), settings, self.room(), make, fresh))

@@ -7,16 +7,18 @@ use crate::scene::{Flow, Scene};
 use foveate_base::rng::Purpose::Select;
 
 impl Engine {
-    /// Moves the particles, and another state of the target, with the picture. Call it before [`Engine::step`] with the new picture.
-    pub(crate) fn compensate(&mut self, flow: &Flow, also: &mut State) {
+    /// Moves the particles with the picture. Call it before [`Engine::step`] with the new picture.
+    pub(crate) fn compensate(&mut self, flow: &Flow) {
         let filter = &mut self.parts.filter;
         if let Some(camera_motion) = &filter.camera_motion {
             camera_motion.shift(flow, &mut filter.particles);
-            // A single state always moves with the camera.
-            CameraMotion { share: 1.0, ..*camera_motion }.shift(flow, std::slice::from_mut(also));
         }
-        if let Some(second) = &mut self.second {
-            second.compensate(flow, &mut State::default());
+    }
+
+    /// Moves a state of the target with the picture: unlike a particle, it always moves.
+    pub(crate) fn shift(&self, flow: &Flow, state: &mut State) {
+        if let Some(camera_motion) = &self.parts.filter.camera_motion {
+            CameraMotion { share: 1.0, ..*camera_motion }.shift(flow, std::slice::from_mut(state));
         }
     }
 

@@ -47,9 +47,6 @@ struct Saved {
     /// The state of the box regression; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     box_regression: Option<serde_json::Value>,
-    /// `None` without a second tracker.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    second: Option<serde_json::Value>,
 }
 
 impl Engine {
@@ -72,7 +69,6 @@ impl Engine {
             redetection: self.parts.filter.redetection.as_ref().map(Redetection::save),
             recognizer: self.parts.extras.recognition.as_ref().map(Recognition::save),
             box_regression: self.parts.extras.box_regression.as_ref().and_then(BoxRegression::save),
-            second: self.second.as_ref().map(|second| second.save()),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
@@ -135,13 +131,6 @@ impl Engine {
                 return Err(bad("it has no box regression; use the configuration it was saved with".into()));
             }
             it.load(saved.box_regression.as_ref())?;
-        }
-        match (&mut self.second, &saved.second) {
-            (Some(second), Some(saved)) => second.load(saved)?,
-            (Some(_), None) => {
-                return Err(bad("it has no second opinion; use the configuration it was saved with".into()));
-            }
-            (None, _) => (),
         }
         if let Some(target) = &saved.target {
             self.parts.filter.proposal.size(target.unit);

@@ -17,15 +17,15 @@ const SURE: f64 = 0.005;
 
 /// Steps the second tracker. Returns the overlap (IoU) of its box with the box at the estimate of the first; `None` without a second
 /// tracker.
-pub(super) fn agreement(second: &mut Option<Box<Engine>>, view: &View<'_>, estimate: &Estimate) -> Option<f64> {
+pub(super) fn agreement(second: Option<&mut Engine>, view: &View<'_>, estimate: &Estimate) -> Option<f64> {
     let scene = Scene { image: view.scene.image, detections: &[] };
-    Some(second.as_mut()?.step_on(scene).bbox.iou(&estimate.mean.bbox(view.target.extent)))
+    Some(second?.step_on(scene).bbox.iou(&estimate.mean.bbox(view.target.extent)))
 }
 
 /// Resets the second tracker with the first. If the first was `misled`, everything that the second learned since frame 1 is reset. If the
 /// second is lost and the first is sure of its place, the second restarts at the estimate.
 pub(super) fn follow(
-    second: &mut Option<Box<Engine>>,
+    second: Option<&mut Engine>,
     view: &View<'_>,
     estimate: &Estimate,
     verdict: &TrackConfidence,
@@ -33,19 +33,9 @@ pub(super) fn follow(
 ) {
     let Some(second) = second else { return };
     if misled {
-        second.forget_learned();
+        second.parts.monitor.forget_learned(second.parts.appearance.memory());
     }
     if !lost && verdict.own < SURE && second.context.lost {
         second.start_again_at(&estimate.mean.bbox(view.target.extent));
-    }
-}
-
-impl Engine {
-    /// Resets everything that was learned since frame 1, of the second tracker too.
-    fn forget_learned(&mut self) {
-        self.parts.monitor.forget_learned(self.parts.appearance.memory());
-        if let Some(second) = &mut self.second {
-            second.forget_learned();
-        }
     }
 }

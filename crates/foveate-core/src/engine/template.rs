@@ -31,7 +31,7 @@ impl Engine {
         self.context = Context::default();
         self.visibility.set_fraction(1.0);
         self.parts.monitor.reset();
-        self.second.as_mut().map_or(Ok(()), |second| second.init(image, bbox))
+        Ok(())
     }
 
     /// Takes a new template from this box. Velocity, policy and recogniser do not change. Panics before [`Engine::init`].
@@ -42,7 +42,7 @@ impl Engine {
         assert!(self.target.is_some(), "a target is given before its template is updated");
         self.set_template(image, bbox, velocity)?;
         self.parts.monitor.forget_evidence();
-        self.second.as_mut().map_or(Ok(()), |second| second.update_template(image, bbox, velocity))
+        Ok(())
     }
 
     fn set_template(&mut self, image: &Image, bbox: &BBox, (vx, vy): (f64, f64)) -> Result<()> {
@@ -79,27 +79,18 @@ impl Engine {
         self.parts.monitor.loss.restart();
         self.parts.filter.spread(&state, Extent { half_w, half_h }, self.streams.at(self.frame, Purpose::Start));
         self.context.lost = false;
-        if let Some(second) = &mut self.second {
-            second.start_again_at(bbox);
-        }
     }
 
     /// Sets the visible fraction of the target in the next frames, 0 to 1; the default is 1. It multiplies log-likelihoods, and below one
     /// half the frame is not judged.
     pub(crate) fn set_visibility(&mut self, visible: f64) {
         self.visibility.set_fraction(visible);
-        if let Some(second) = &mut self.second {
-            second.set_visibility(visible);
-        }
     }
 
     /// Sets the place where this target is expected in the next frame, and the places of the targets that overlap it.
-    pub(crate) fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim> + Clone) {
+    pub(crate) fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim>) {
         self.visibility.begin(own);
-        others.clone().for_each(|other| self.visibility.add(other));
-        if let Some(second) = &mut self.second {
-            second.exclude(own, others);
-        }
+        others.for_each(|other| self.visibility.add(other));
     }
 
     /// Returns the state of this box, upright and at rest, with a scale relative to the template. Panics before [`Engine::init`].

@@ -106,12 +106,10 @@ fn a_lost_second_tracker_restarts_at_a_sure_first() {
     ] {
         let mut second = started(parts(Toy::at(50.0)), 1);
         second.context.lost = second_lost;
-        let mut second = Some(Box::new(second));
         let verdict = TrackConfidence { own, ..TrackConfidence::default() };
         look(&mut Toy::at(50.0), 1.0, |view| {
-            second::follow(&mut second, view, &estimate(80.0), &verdict, (lost, false));
+            second::follow(Some(&mut second), view, &estimate(80.0), &verdict, (lost, false));
         });
-        let second = second.expect("it was given");
         let x = second.parts.filter.particles.iter().map(|particle| particle.x).sum::<f64>() / 50.0;
         assert_eq!((x - 80.0).abs() < 2.0, led, "own P(lost) {own}, lost {lost}: at column {x}");
         assert!(!(led && second.context.lost), "it is not lost until frames say so");

@@ -87,7 +87,7 @@ impl MultiTracker {
             }
             match self.reidentify(image, &bbox) {
                 Some(mut target) => {
-                    target.engine.reset_at(&bbox);
+                    target.ensemble.reset_at(&bbox);
                     let first = target.track.born;
                     target.begin(first, bbox, Phase::ReIdentified);
                     target.set_detection(Some(given[number]), Some(number).filter(|k| *k < own));
@@ -119,11 +119,12 @@ impl MultiTracker {
         let size = self.settings.size.ln();
         let mut best = (self.settings.reidentification.similarity, None);
         for (i, target) in self.terminated.iter_mut().enumerate() {
-            let state = target.engine.state_at(bbox);
+            let state = target.ensemble.first().state_at(bbox);
             if (state.log_scale - target.track.state.log_scale).abs() > size {
                 continue;
             }
-            let similarity = target.with_buffers(&self.pool, |target| target.engine.similarity(image, &state));
+            let similarity =
+                target.with_buffers(&self.pool, |target| target.ensemble.first_mut().similarity(image, &state));
             if similarity >= best.0 {
                 best = (similarity, Some(i));
             }
@@ -137,7 +138,7 @@ impl MultiTracker {
         }
         self.check_room(1, &bbox, (image.width(), image.height()))?;
         let mut target = Target::new((self.make)(id), Target::unknown(id));
-        target.with_buffers(&self.pool, |target| target.engine.init(image, bbox))?;
+        target.with_buffers(&self.pool, |target| target.ensemble.init(image, bbox))?;
         target.begin(self.frame, bbox, Phase::Initiated);
         self.next_id = self.next_id.max(id + 1);
         self.terminated.retain(|t| t.track.id != id);
@@ -156,14 +157,14 @@ mod tests {
     use super::super::settings::{Initiation, Settings};
     use super::super::{Fresh, Make, MemoryEstimate};
     use super::*;
-    use crate::engine::Engine;
     use crate::engine::toy::{Toy, parts, picture, target};
+    use crate::ensemble::Ensemble;
     use crate::origin::Origin;
     use crate::scene::Preprocessor;
 
     /// Creates a tracker in which every place of column 50 looks like each of its targets.
     fn targets(initiation: Initiation) -> MultiTracker {
-        let make: Make = Box::new(|id| Engine::new(parts(Toy::at(50.0)), 1, id));
+        let make: Make = Box::new(|id| Ensemble::new(vec![parts(Toy::at(50.0))], 1, id));
         let fresh: Fresh = Box::new(Preprocessor::default);
         let (settings, room) =
             (Settings { initiation, ..Settings::default() }, MemoryEstimate { kept: 0, look: 0, reach: 1.0 });

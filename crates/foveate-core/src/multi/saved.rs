@@ -18,7 +18,7 @@ use foveate_base::{Error, Result, memory};
 pub(super) const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
-const FORMAT: u32 = 10;
+const FORMAT: u32 = 11;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -45,7 +45,7 @@ struct SavedTarget {
     terminated: usize,
     shape: f64,
     surprise: f64,
-    engine: Value,
+    ensemble: Value,
 }
 
 /// The result of a target's last frame: see [`Seen`].
@@ -191,12 +191,12 @@ impl SavedTarget {
     fn of(target: &Target) -> Self {
         let Target { track, lost, unseen, hidden, terminated, shape, surprise, .. } = *target;
         let track = SavedTrack::of(&track);
-        Self { track, lost, unseen, hidden, terminated, shape, surprise, engine: target.engine.save() }
+        Self { track, lost, unseen, hidden, terminated, shape, surprise, ensemble: target.ensemble.save() }
     }
     fn read(self, trackers: &MultiTracker) -> Result<Target> {
-        let mut engine = (trackers.make)(self.track.id);
-        engine.load(&self.engine)?;
-        if !engine.has_target() {
+        let mut ensemble = (trackers.make)(self.track.id);
+        ensemble.load(&self.ensemble)?;
+        if !ensemble.has_target() {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
         let Self { track, lost, unseen, hidden, terminated, shape, surprise, .. } = self;
@@ -209,7 +209,7 @@ impl SavedTarget {
             return Err(Error::Invalid(format!("the saved targets cannot be used: shape of {}: {expected}", track.id)));
         }
         let mut target =
-            Target { lost, unseen, hidden, terminated, shape, surprise, ..Target::new(engine, track.seen()) };
+            Target { lost, unseen, hidden, terminated, shape, surprise, ..Target::new(ensemble, track.seen()) };
         target.with_buffers(&trackers.pool, |_| ());
         Ok(target)
     }

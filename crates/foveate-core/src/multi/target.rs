@@ -1,10 +1,10 @@
-//! One target of several: its filter, its detection, and the shape of its box.
+//! One target of several: its trackers, its detection, and the shape of its box.
 
 use super::attention::Candidate;
 use super::edge;
 use super::pool::BufferPool;
 use super::settings::Settings;
-use crate::engine::Engine;
+use crate::ensemble::Ensemble;
 use crate::geometry::{BBox, Extent, State};
 use crate::scene::{Detection, Image, Scene};
 use crate::seen::{Phase, Seen};
@@ -20,7 +20,7 @@ pub(super) const SHAPE: f64 = 20.0;
 
 /// One target.
 pub(super) struct Target {
-    pub engine: Engine,
+    pub ensemble: Ensemble,
     pub track: Seen<'static>,
     /// Consecutive frames as lost, and without a detection.
     pub lost: usize,
@@ -50,9 +50,9 @@ impl Target {
     }
 
     /// Creates a target without a box.
-    pub(super) fn new(engine: Engine, track: Seen<'static>) -> Self {
+    pub(super) fn new(ensemble: Ensemble, track: Seen<'static>) -> Self {
         Self {
-            engine,
+            ensemble,
             track,
             lost: 0,
             unseen: 0,
@@ -79,11 +79,11 @@ impl Target {
     /// Runs `look` with buffers of the pool, whose contents do not matter.
     pub(super) fn with_buffers<T>(&mut self, pool: &BufferPool, look: impl FnOnce(&mut Self) -> T) -> T {
         let mut room = pool.take();
-        self.engine.exchange(&mut room);
+        self.ensemble.first_mut().exchange(&mut room);
         let seen = look(self);
         // Compact before the exchange, so that the freed memory stays in the pool.
-        self.engine.compact();
-        self.engine.exchange(&mut room);
+        self.ensemble.compact();
+        self.ensemble.first_mut().exchange(&mut room);
         pool.put(room);
         seen
     }
@@ -91,7 +91,7 @@ impl Target {
     /// Returns the similarity of the picture at the predicted place to the target, 0 to 1.
     pub(super) fn similarity_ahead(&mut self, image: &Image, pool: &BufferPool) -> f64 {
         let next = self.next();
-        self.with_buffers(pool, |target| target.engine.similarity(image, &next))
+        self.with_buffers(pool, |target| target.ensemble.first_mut().similarity(image, &next))
     }
 
     /// Returns the same box in the target's present shape.
@@ -102,8 +102,8 @@ impl Target {
 
     /// Starts the target at a box that was given or detected.
     pub(super) fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
-        let extent = self.engine.extent().expect("it was started");
-        let state = self.engine.state_at(&bbox);
+        let extent = self.ensemble.extent().expect("it was started");
+        let state = self.ensemble.first().state_at(&bbox);
         let Seen { id, gaze, class, detected_class, shape: size, .. } = self.track;
         let given = Seen::given(size, &bbox).in_phase(phase);
         self.track = Seen { id, born, state, extent, gaze, class, detected_class, ..given };
@@ -116,16 +116,16 @@ impl Target {
         }
         let (next, waited) = (self.next(), std::mem::take(&mut self.track.waited));
         let detections = self.track.detection.as_slice();
-        let step = self.engine.step_on(Scene { image, detections });
+        let step = self.ensemble.step_on(Scene { image, detections });
         let (estimate, covariance, deficit, class) =
             (step.state, step.covariance, step.consistency.deficit, step.class);
         let (gaze, bbox, p_lost) = (step.gaze, step.bbox, step.p_lost);
-        let lost = self.engine.is_searching() && detections.is_empty();
+        let lost = self.ensemble.first().is_searching() && detections.is_empty();
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
         // Looks cannot show a loss while another target overlaps it; after too long an occlusion the box counts as a guess.
-        self.lost = if lost { self.lost + usize::from(!self.engine.meets_another()) } else { 0 };
+        self.lost = if lost { self.lost + usize::from(!self.ensemble.first().meets_another()) } else { 0 };
         let visible = self.track.visible;
-        let hidden = visible < s.occlusion.hidden || (visible < 1.0 && self.engine.is_contested());
+        let hidden = visible < s.occlusion.hidden || (visible < 1.0 && self.ensemble.first().is_contested());
         self.hidden = if hidden { self.hidden + 1 } else { 0 };
         let guessed = if detecting { s.guesses(self.unseen) } else { lost || self.hidden > LONGEST_HIDDEN };
         let phase = match guessed {
@@ -133,7 +133,7 @@ impl Target {
             false if visible < s.occlusion.hidden => Phase::Occluded,
             false => Phase::Tracked,
         };
-        let extent = self.engine.extent().expect("it was started");
+        let extent = self.ensemble.extent().expect("it was started");
         let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / longer_half(&estimate, extent);
         let moved = moved / (1 + waited) as f64;
         self.surprise += NEWEST * (moved - self.surprise);
@@ -157,7 +157,7 @@ impl Target {
     /// Runs a frame without a look: the prediction and the detection determine the box.
     fn coast(&mut self, image: &Image, s: &Settings, detecting: bool) {
         let detections = self.track.detection.as_slice();
-        let (state, covariance) = self.engine.coast(Scene { image, detections });
+        let (state, covariance) = self.ensemble.first_mut().coast(Scene { image, detections });
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
         let phase = match self.track.phase {
             _ if !detections.is_empty() => Phase::Tracked,
@@ -173,8 +173,8 @@ impl Target {
     /// Takes a new template at its present box; keeps the old one if the box is invalid.
     fn update_template(&mut self, image: &Image) {
         let State { vx, vy, .. } = self.track.state;
-        if self.engine.update_template(image, &self.track.bbox, (vx, vy)).is_ok() {
-            self.track.extent = self.engine.extent().expect("it was started");
+        if self.ensemble.update_template(image, &self.track.bbox, (vx, vy)).is_ok() {
+            self.track.extent = self.ensemble.extent().expect("it was started");
             (self.track.state.log_scale, self.track.state.log_aspect) = (0.0, 0.0);
             (self.shape, self.track.consistency.deficit) = (0.0, 0.0);
         }
@@ -198,13 +198,14 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
-    use crate::engine::toy::{Toy, parts, picture, started, target};
+    use crate::engine::toy::{Toy, parts, picture, target};
 
     /// Returns a target at column 50 whose likelihood has its maximum at column `at`, and the number of templates that it has received.
     fn given(at: f64) -> (Target, Arc<AtomicUsize>) {
         let toy = Toy::at(at);
         let templates = toy.templates.clone();
-        let mut it = Target::new(started(parts(toy), 1), Target::unknown(1));
+        let mut it = Target::new(Ensemble::new(vec![parts(toy)], 1, 1), Target::unknown(1));
+        it.ensemble.init(&picture(), target(50.0)).expect("a box in the picture");
         it.begin(0, target(50.0), Phase::Initiated);
         (it, templates)
     }

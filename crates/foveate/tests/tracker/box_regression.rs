@@ -65,7 +65,7 @@ fn it_moves_the_box_and_nothing_else() {
 /// learned before, which may have been something else.
 #[test]
 fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
-    let learned = |tracker: &Tracker| tracker.save()["engine"]["appearance"]["discriminant"].clone();
+    let learned = |tracker: &Tracker| tracker.save()["ensemble"]["trackers"][0]["appearance"]["discriminant"].clone();
     let start = |settings: &[&str]| {
         let mut tracker = tracker(config(settings));
         tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
@@ -196,7 +196,7 @@ fn what_does_not_fit_is_refused() {
         ("said", serde_json::json!({ "frames": 1, "mean": [0.0, 7.0, 0.0] }), "it moves the box"),
     ] {
         let mut saved = start(config(&[])).save();
-        saved["engine"]["box_regression"][key] = value;
+        saved["ensemble"]["trackers"][0]["box_regression"][key] = value;
         let error = start(config(&[])).load(&saved).expect_err("damaged").to_string();
         assert!(error.contains(said), "{error}");
     }

@@ -283,10 +283,10 @@ fn what_does_not_fit_is_refused() {
         assert!(error.contains(words), "{error}");
     };
     refuse("/format", 99.into(), "format is 99");
-    refuse("/engine/particles", serde_json::json!([]), "0 particles and 20 weights, this tracker has 20");
-    refuse("/engine/policy", serde_json::json!({ "gain": [1.0] }), "9 gazes");
-    refuse("/engine/appearance", serde_json::Value::Null, "without a template");
-    refuse("/engine/frame", u64::MAX.into(), "frame");
-    refuse("/engine/consistency", "awake".into(), "consistency");
+    refuse("/ensemble/trackers/0/particles", serde_json::json!([]), "0 particles and 20 weights, this tracker has 20");
+    refuse("/ensemble/trackers/0/policy", serde_json::json!({ "gain": [1.0] }), "9 gazes");
+    refuse("/ensemble/trackers/0/appearance", serde_json::Value::Null, "without a template");
+    refuse("/ensemble/trackers/0/frame", u64::MAX.into(), "frame");
+    refuse("/ensemble/trackers/0/consistency", "awake".into(), "consistency");
     refuse("/shape", serde_json::Value::Null, "size of its pictures");
 }

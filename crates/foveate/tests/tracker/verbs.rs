@@ -125,7 +125,7 @@ fn detections_weigh_particles_that_are_drawn_again() {
 #[test]
 fn nothing_is_learned_where_the_evidence_does_not_fit() {
     let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));
-    let learned = |tracker: &Tracker| tracker.save()["engine"]["appearance"]["discriminant"].clone();
+    let learned = |tracker: &Tracker| tracker.save()["ensemble"]["trackers"][0]["appearance"]["discriminant"].clone();
     let mut tracker = tracker(&["discriminant.gate=2.0"]); // so that only the consistency decides
     let before = learned(&tracker);
     assert!(!before.is_null());

@@ -1,0 +1,277 @@
+//! Several trackers follow one target. A *voter* has a vote on the reported box and on P(lost) (`control/confidence/vote.rs`). Each voter may
+//! have a *second tracker*, which sees another part of the target and has no vote: the voter compares the two boxes inside its step
+//! (`engine/second.rs`). With one voter the result is that of a single tracker.
+//!
+//! A voter that has lost the target while the majority tracks it restarts at the elected box. It keeps its own template, so that it
+//! judges that place by its own evidence.
+
+use std::iter::once;
+
+use serde::{Deserialize, Serialize};
+
+use crate::control::{Ballot, Vote};
+use crate::engine::{Claim, Engine, Parts};
+use crate::geometry::{BBox, Extent};
+use crate::scene::{Flow, Image, Meter, Scene, World};
+use crate::seen::{Phase, Seen};
+use crate::threads;
+use foveate_base::{Error, Result};
+
+/// Upper bound on the number of rectangles that a voter and its second tracker read of a picture.
+const WINDOWS: usize = 64;
+
+/// The random streams of a tracker are named by the number of its target. From this bit on it contains the number of the voter, and its last
+/// bit is flipped for a second tracker, so that no two trackers share a random draw.
+const VOTER: u32 = 56;
+const SECOND: u64 = 1 << 63;
+
+/// The trackers of one target.
+pub(crate) struct Ensemble {
+    /// At least one.
+    members: Vec<Member>,
+    vote: Vote,
+    ballots: Vec<Ballot>,
+    meter: Meter,
+}
+
+struct Member {
+    voter: Engine,
+    second: Option<Engine>,
+}
+
+impl Member {
+    fn step<'a>(&'a mut self, world: World<'a, '_>) -> Result<Seen<'a>> {
+        self.voter.step(world, self.second.as_mut())
+    }
+    fn trackers(&self) -> impl Iterator<Item = &Engine> {
+        once(&self.voter).chain(&self.second)
+    }
+    fn trackers_mut(&mut self) -> impl Iterator<Item = &mut Engine> {
+        once(&mut self.voter).chain(&mut self.second)
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    /// Each voter, followed by its second tracker if it has one.
+    trackers: Vec<serde_json::Value>,
+    vote: serde_json::Value,
+}
+
+impl Ensemble {
+    /// Creates an ensemble with a voter of each of these parts, and a second tracker where they have parts for one. Its random streams are
+    /// named by `seed` and `target`. Panics without parts.
+    pub(crate) fn new(parts: Vec<Parts>, seed: u64, target: u64) -> Self {
+        let member = |(mut parts, k): (Parts, u64)| {
+            let (second, target) = (parts.second.take(), target ^ (k << VOTER));
+            let second = second.map(|second| Engine::new(*second, seed, target ^ SECOND));
+            Member { voter: Engine::new(parts, seed, target), second }
+        };
+        let members: Vec<Member> = parts.into_iter().zip(0..).map(member).collect();
+        let vote = Vote::new(members[0].voter.parts().monitor.model());
+        let meter = if members.len() > 1 { Meter::with_room(WINDOWS * members.len()) } else { Meter::default() };
+        Self { members, vote, ballots: Vec::new(), meter }
+    }
+
+    /// Returns the first voter.
+    pub(crate) fn first(&self) -> &Engine {
+        &self.members[0].voter
+    }
+    /// Returns the first voter, for questions about the target and frames without a look, in which nothing is compared.
+    pub(crate) fn first_mut(&mut self) -> &mut Engine {
+        &mut self.members[0].voter
+    }
+
+    fn trackers_mut(&mut self) -> impl Iterator<Item = &mut Engine> {
+        self.members.iter_mut().flat_map(Member::trackers_mut)
+    }
+
+    /// Starts all trackers on the target in this box.
+    ///
+    /// # Errors
+    /// As [`Engine::init`], before anything has changed.
+    pub(crate) fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
+        self.trackers_mut().try_for_each(|tracker| tracker.init(image, bbox))?;
+        self.vote.reset();
+        Ok(())
+    }
+
+    /// Runs one frame: a step of every tracker, and the vote. Several voters need a picture in memory.
+    ///
+    /// # Errors
+    /// As [`Engine::step`].
+    pub(crate) fn step<'a>(&'a mut self, world: World<'a, '_>) -> Result<Seen<'a>> {
+        let scene = match world {
+            World::Picture(scene) if self.members.len() > 1 => scene,
+            world => return self.members[0].step(world),
+        };
+        threads::each(&mut self.members, |_, member| {
+            member.step(World::Picture(scene)).expect("a picture in memory can be read");
+        });
+        self.ballots.clear();
+        self.ballots.extend(self.members.iter().map(|Member { voter, .. }| {
+            let (bbox, confidence) = voter.reported();
+            Ballot { bbox, p_lost: confidence.p_lost, is_searching: voter.is_searching() }
+        }));
+        let (elected, p_lost, status) = self.vote.count(&self.ballots);
+        if !self.vote.is_searching() {
+            self.reset_lost_members(elected);
+        }
+        self.meter.clear();
+        self.members.iter().for_each(|member| self.meter.add_all(member.voter.meter()));
+        let values = self.meter.pixels() * scene.image.planes();
+        let phase = Phase::of(status);
+        Ok(Seen { values, p_lost, status, phase, ..self.members[elected].voter.report(scene) })
+    }
+
+    /// Runs one frame on a picture in memory.
+    pub(crate) fn step_on<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
+        self.step(World::Picture(scene)).expect("a picture in memory can be read")
+    }
+
+    /// Restarts lost voters and their second trackers at the elected box.
+    fn reset_lost_members(&mut self, elected: usize) {
+        let here = self.ballots[elected].bbox;
+        let lost = |(_, ballot): &(&mut Member, &Ballot)| ballot.is_searching && !ballot.is_on(&here);
+        let members = self.members.iter_mut().zip(&self.ballots).filter(lost);
+        members.flat_map(|(member, _)| member.trackers_mut()).for_each(|tracker| tracker.start_again_at(&here));
+    }
+
+    pub(crate) fn compensate(&mut self, flow: &Flow) {
+        self.trackers_mut().for_each(|tracker| tracker.compensate(flow));
+    }
+
+    pub(crate) fn reset_at(&mut self, bbox: &BBox) {
+        self.vote.reset();
+        self.trackers_mut().for_each(|tracker| tracker.reset_at(bbox));
+    }
+
+    pub(crate) fn set_visibility(&mut self, visible: f64) {
+        self.trackers_mut().for_each(|tracker| tracker.set_visibility(visible));
+    }
+
+    /// Takes a new template: see [`Engine::update_template`].
+    pub(crate) fn update_template(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
+        self.trackers_mut().try_for_each(|tracker| tracker.update_template(image, bbox, velocity))
+    }
+
+    /// Sets the places that other targets claim: see [`Engine::exclude`].
+    pub(crate) fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim> + Clone) {
+        self.trackers_mut().for_each(|tracker| tracker.exclude(own, others.clone()));
+    }
+
+    /// Frees memory that is not needed until the next step.
+    pub(crate) fn compact(&mut self) {
+        self.trackers_mut().for_each(Engine::compact);
+    }
+
+    pub(crate) fn has_target(&self) -> bool {
+        self.first().has_target()
+    }
+
+    pub(crate) fn extent(&self) -> Option<Extent> {
+        self.first().extent()
+    }
+
+    /// Returns the state of all trackers and of the vote.
+    pub(crate) fn save(&self) -> serde_json::Value {
+        let trackers = self.members.iter().flat_map(Member::trackers).map(Engine::save).collect();
+        serde_json::to_value(Saved { trackers, vote: self.vote.save() }).expect("plain data is JSON")
+    }
+
+    /// Restores a state that [`Ensemble::save`] returned.
+    pub(crate) fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        let (count, ours) = (saved.trackers.len(), self.trackers_mut().count());
+        if count != ours {
+            return Err(bad(format!(
+                "it has {count} trackers, this one {ours}; use the configuration it was saved with"
+            )));
+        }
+        self.trackers_mut().zip(&saved.trackers).try_for_each(|(tracker, saved)| tracker.load(saved))?;
+        let has_target = self.has_target();
+        if self.trackers_mut().any(|tracker| tracker.has_target() != has_target) {
+            return Err(bad("some of its trackers have a target, others none".into()));
+        }
+        self.vote.load(&saved.vote)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use foveate_base::files::Nowhere;
+
+    /// A chequered square at `x` on stripes.
+    fn picture(x: usize) -> Image {
+        let pixel = |i: usize| {
+            let (column, row) = (i % 120, i / 120);
+            let inside = (x..x + 20).contains(&column) && (30..50).contains(&row);
+            if inside {
+                60 + 130 * u8::from(((column - x) / 4 + row / 4).is_multiple_of(2))
+            } else {
+                20 + (7 * (row / 3) % 60) as u8
+            }
+        };
+        Image::new(120, 90, 1, (0..120 * 90).map(pixel).collect()).expect("120 x 90")
+    }
+
+    /// One of three members is moved away, cannot find the target by itself, and is reset.
+    #[test]
+    fn a_lost_member_restarts_at_the_others() {
+        let settings = [
+            "particles=100",
+            "committee=3",
+            "second_opinion=none",
+            "redetection=none",
+            "local_search=none",
+            "distractors=none",
+            "box_regression=none",
+        ];
+        let natural = Config::builtin("natural").expect("it ships").expect("it is right");
+        let config = settings.iter().try_fold(natural, |config, setting| config.set(setting)).expect("keys");
+        let blueprint = config.check(&Nowhere).expect("parts that fit");
+        let mut committee = Ensemble::new(blueprint.members().expect("parts that fit"), 2, 0);
+        let target = |x: usize| BBox::new(x as f64, 30.0, 20.0, 20.0);
+        committee.init(&picture(10), target(10)).expect("a box in the picture");
+        committee.members[2].voter.reset_at(&target(90));
+        let mut fetched = None;
+        committee.set_visibility(0.9);
+        for i in 1..40 {
+            let image = picture(10 + i / 2);
+            let here = target(10 + i / 2);
+            let told = committee.step_on(Scene { image: &image, detections: &[] });
+            assert!(told.bbox.iou(&here) > 0.3, "frame {i}: {:?}", told.bbox);
+            if committee.members[2].voter.reported().0.iou(&here) > 0.3 {
+                fetched = fetched.or(Some(i));
+            }
+        }
+        assert!(fetched.is_some_and(|i| i > 1), "fetched in frame {fetched:?}");
+        assert!(
+            committee.trackers_mut().all(|tracker| tracker.save()["visible"] == 0.9),
+            "as much can be seen of it as before"
+        );
+    }
+
+    /// The parts of a tracker that hardly moves: at a distance of 40 pixels it does not find the target by itself.
+    #[test]
+    fn the_committee_resets_a_lost_member() {
+        use crate::engine::toy::{Toy, parts, picture, started, target};
+        let image = picture();
+        let scene = Scene { image: &image, detections: &[] };
+        let mut alone = started(parts(Toy::at(50.0)), 2);
+        let mut committee = Ensemble::new((0..3).map(|_| parts(Toy::at(50.0))).collect(), 1, 0);
+        committee.init(&image, target(50.0)).expect("a box in the picture");
+        alone.reset_at(&target(90.0));
+        committee.members[2].voter.reset_at(&target(90.0));
+        for _ in 0..20 {
+            alone.step_on(scene);
+            assert!(committee.step_on(scene).bbox.iou(&target(50.0)) > 0.5);
+        }
+        assert!(alone.is_searching() && alone.reported().0.iou(&target(90.0)) > 0.5, "alone it is lost");
+        assert!(committee.members[2].voter.reported().0.iou(&target(50.0)) > 0.5, "fetched");
+        assert!(!committee.members[2].voter.is_searching());
+    }
+}
