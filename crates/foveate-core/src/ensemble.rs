@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::control::{Ballot, Vote};
 use crate::engine::{Claim, Engine, Parts};
-use crate::geometry::{BBox, Extent};
+use crate::geometry::BBox;
 use crate::scene::{Flow, Image, Meter, Scene, World};
 use crate::seen::{Phase, Seen};
 use crate::threads;
@@ -165,14 +165,6 @@ impl Ensemble {
         self.trackers_mut().for_each(Engine::compact);
     }
 
-    pub(crate) fn has_target(&self) -> bool {
-        self.first().has_target()
-    }
-
-    pub(crate) fn extent(&self) -> Option<Extent> {
-        self.first().extent()
-    }
-
     /// Returns the state of all trackers and of the vote.
     pub(crate) fn save(&self) -> serde_json::Value {
         let trackers = self.members.iter().flat_map(Member::trackers).map(Engine::save).collect();
@@ -190,7 +182,7 @@ impl Ensemble {
             )));
         }
         self.trackers_mut().zip(&saved.trackers).try_for_each(|(tracker, saved)| tracker.load(saved))?;
-        let has_target = self.has_target();
+        let has_target = self.first().has_target();
         if self.trackers_mut().any(|tracker| tracker.has_target() != has_target) {
             return Err(bad("some of its trackers have a target, others none".into()));
         }
@@ -266,12 +258,30 @@ mod tests {
         committee.init(&image, target(50.0)).expect("a box in the picture");
         alone.reset_at(&target(90.0));
         committee.members[2].voter.reset_at(&target(90.0));
-        for _ in 0..20 {
+        for frame in 0..20 {
             alone.step_on(scene);
             assert!(committee.step_on(scene).bbox.iou(&target(50.0)) > 0.5);
+            let stays = committee.members[2].voter.reported().0.iou(&target(90.0)) > 0.5;
+            assert!(frame > 2 || stays, "frame {frame}: it is not lost yet");
         }
         assert!(alone.is_searching() && alone.reported().0.iou(&target(90.0)) > 0.5, "alone it is lost");
         assert!(committee.members[2].voter.reported().0.iou(&target(50.0)) > 0.5, "fetched");
         assert!(!committee.members[2].voter.is_searching());
+    }
+
+    /// A box that is given ends the search of the vote.
+    #[test]
+    fn a_given_box_resets_the_vote() {
+        use crate::engine::toy::{Toy, parts, picture, target};
+        let mut committee = Ensemble::new((0..3).map(|_| parts(Toy::at(50.0))).collect(), 1, 0);
+        let init = |it: &mut Ensemble| it.init(&picture(), target(50.0)).expect("a box in the picture");
+        init(&mut committee);
+        for given in [init as fn(&mut Ensemble), |it| it.reset_at(&target(50.0))] {
+            committee.reset_at(&target(90.0));
+            (0..20).for_each(|_| _ = committee.step_on(Scene { image: &picture(), detections: &[] }));
+            assert!(committee.vote.is_searching());
+            given(&mut committee);
+            assert!(!committee.vote.is_searching());
+        }
     }
 }

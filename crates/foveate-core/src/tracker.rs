@@ -177,7 +177,7 @@ impl Tracker {
 
     /// Checks that there is a target, and that the picture has the shape of the first one.
     fn check_shape(&self, found: [usize; 3]) -> Result<()> {
-        let Some(first) = self.shape.filter(|_| self.ensemble.has_target()) else {
+        let Some(first) = self.shape.filter(|_| self.ensemble.first().has_target()) else {
             return Err(Error::Invalid("the tracker has no target: call init with a picture and a box first".into()));
         };
         if first != found {
@@ -196,7 +196,7 @@ impl Tracker {
     /// # Errors
     /// [`Error::Invalid`] before [`Tracker::init`], or if the box is not finite or has no area.
     pub fn reset_at(&mut self, bbox: BBox) -> Result<()> {
-        if !self.ensemble.has_target() {
+        if !self.ensemble.first().has_target() {
             return Err(Error::Invalid("the tracker has no target to put somewhere: call init first".into()));
         }
         bbox.check()?;
@@ -212,12 +212,12 @@ impl Tracker {
 
     /// Returns whether there is a target, set by [`Tracker::init`] or loaded.
     pub fn has_target(&self) -> bool {
-        self.ensemble.has_target()
+        self.ensemble.first().has_target()
     }
 
     /// Returns half the size of the target's box at scale 1, pixels; `None` before [`Tracker::init`].
     pub fn extent(&self) -> Option<Extent> {
-        self.ensemble.extent()
+        self.ensemble.first().extent()
     }
 
     /// Returns the parts.
@@ -248,7 +248,7 @@ impl Tracker {
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
         self.origin.check(&saved.origin).map_err(bad)?;
         self.ensemble.load(&saved.ensemble)?;
-        if saved.shape.is_some() != self.ensemble.has_target() {
+        if saved.shape.is_some() != self.ensemble.first().has_target() {
             return Err(bad("it has a target without the size of its pictures, or the size without a target".into()));
         }
         self.shape = saved.shape;

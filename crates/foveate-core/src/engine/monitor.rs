@@ -240,7 +240,7 @@ impl Monitor {
     }
 
     /// Returns the memories that frame `t` may update; `None` for no update.
-    fn lesson(&self, t: u64) -> Option<Lesson> {
+    pub(super) fn lesson(&self, t: u64) -> Option<Lesson> {
         let lost = self.loss.is_searching();
         let learns = self.consistency.learns(t, lost) && !self.loss.is_doubted();
         let short_term =

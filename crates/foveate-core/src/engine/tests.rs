@@ -1,13 +1,19 @@
 //! Properties of several parts together.
 
 use super::distractors::Distractors;
-use super::toy::{EXTENT, OFF, SLOPE, Toy, given, parts, picture, started, state, target};
+use super::toy::{EXTENT, Learned, OFF, SLOPE, Toy, given, parts, picture, started, state, target};
 use super::view::{Looks, Scratch};
 use super::*;
-use crate::control::{Consistency, DistractorSettings};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::control::{
+    AbsenceWeights, ConfidenceModel, Consistency, DetectionLikelihood, DistractorSettings, LocalSearch,
+    ReacquisitionWeights, Redetection, Resampling,
+};
 use crate::gaze::Policy;
 use crate::geometry::Gaze;
-use crate::scene::Image;
+use crate::scene::{Detection, Image};
 use foveate_base::rng::Rng;
 
 /// A look at a picture with this fraction of the target visible.
@@ -16,6 +22,23 @@ fn look<T>(toy: &mut Toy, fraction: f64, see: impl FnOnce(&mut View<'_>) -> T) -
     visibility.set_fraction(fraction);
     let scene = Scene { image: &image, detections: &[] };
     see(&mut View::new(toy, scene, given(), &visibility, &state(50.0), &mut scratch))
+}
+
+/// Particles in these columns with equal weights before the look, and the look at them.
+fn weighed(view: &mut View<'_>, columns: &[f64]) -> (Particles, Looks) {
+    let states: Vec<State> = columns.iter().map(|x| state(*x)).collect();
+    let mut belief = Particles { log_importance: vec![0.0; states.len()], states, ..Particles::default() };
+    let looks = view.log_likelihoods(&belief.states, (&[Gaze::CENTRE], &[1.0], None), Looks::default());
+    belief.weigh(&looks, vec![]);
+    (belief, looks)
+}
+
+/// The evidence of a frame with the target at its place.
+fn evidence(monitor: &mut Monitor) -> FrameEvidence {
+    look(&mut Toy::at(50.0), 1.0, |view| {
+        let (belief, looks) = weighed(view, &[50.0, 80.0]);
+        monitor.evidence(view, &belief, &looks, &estimate(50.0), (&Percept::default(), &Distractors::default()))
+    })
 }
 
 fn estimate(x: f64) -> Estimate {
@@ -71,10 +94,8 @@ fn the_visible_fraction_scales_distractors_and_target_alike() {
     let settings = DistractorSettings { reach: 2.0, step: 1.0, ..DistractorSettings::default() };
     for fraction in [1.0, 0.8, 0.5] {
         let mut monitor = Monitor::new(Default::default(), toy::model()).with_distractors(Some(settings.clone()));
-        let mut belief = Particles { states: vec![state(50.0)], log_importance: vec![0.0], ..Particles::default() };
         let shown = look(&mut Toy::at(50.0), fraction, |view| {
-            let looks = view.log_likelihoods(&belief.states, (&[Gaze::CENTRE], &[1.0], None), Looks::default());
-            belief.weigh(&looks, vec![]);
+            let (belief, looks) = weighed(view, &[50.0]);
             // Places are 10 pixels apart; all places in the column of the target have its likelihood.
             let found = monitor.search(view, &state(47.0), Distractors::default());
             monitor.evidence(view, &belief, &looks, &estimate(47.0), (&Percept::default(), &found))
@@ -116,24 +137,27 @@ fn a_lost_second_tracker_restarts_at_a_sure_first() {
     }
 }
 
-/// A policy that is committed to one gaze from the first frame on.
-struct Settled(Gaze);
+/// A policy that is committed to one gaze from the first frame on, and counts the rewards that it receives.
+struct Settled(Gaze, Arc<AtomicUsize>);
 
 impl Policy for Settled {
     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         plan.only(self.0);
     }
-    fn learn(&mut self, _: &Plan, _: &[f64]) {}
+    fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
+        assert_eq!(plan.gazes().len(), rewards.len());
+        self.1.fetch_add(rewards.len(), Ordering::Relaxed);
+    }
     fn committed_gaze(&self) -> Option<Gaze> {
         Some(self.0)
     }
 }
 
-/// The evidence of another gaze is not comparable with the evidence under this one.
+/// The evidence of another gaze is not comparable with the evidence under this one, and the reference is that of this one.
 #[test]
 fn committing_to_a_gaze_drops_the_evidence_of_the_old_one() {
-    let mut parts = parts(Toy::at(50.0));
-    parts.gaze = parts.gaze.with_policy(Box::new(Settled(Gaze { u: 0.3, v: 0.0, arm: Some(1) })));
+    let (mut parts, rewards) = (parts(Toy::at(50.0)), Arc::<AtomicUsize>::default());
+    parts.gaze = parts.gaze.with_policy(Box::new(Settled(Gaze { u: 0.3, v: 0.0, arm: Some(1) }, rewards.clone())));
     let mut engine = started(parts, 0);
     let image = picture();
     for frame in 1..4 {
@@ -141,6 +165,8 @@ fn committing_to_a_gaze_drops_the_evidence_of_the_old_one() {
         let monitor = &engine.parts.monitor;
         assert_eq!(monitor.loss.seen().is_some(), frame > 1, "frame {frame}: usual evidence");
         assert_eq!(monitor.consistency.last() == Consistency::default(), frame == 1, "frame {frame}: last evidence");
+        assert_eq!(engine.target().reference.off, 0.5 * OFF, "frame {frame}");
+        assert_eq!(rewards.load(Ordering::Relaxed), frame, "the policy learns once a frame");
     }
 }
 
@@ -180,4 +206,174 @@ fn the_policy_context_reports_a_lost_target() {
         engine.step_on(Scene { image: &image, detections: &[] });
     }
     assert!(engine.is_searching() && engine.context.lost);
+}
+
+/// The short-term memory is left out, scaled by the visible fraction as all evidence is: the rest does not depend on what it learned.
+#[test]
+fn the_evidence_leaves_out_the_short_term_memory() {
+    for fraction in [1.0, 0.6] {
+        let settings = Default::default();
+        let mut monitor = Monitor::new(settings, toy::model()).with_short_term(&Default::default(), Some((1.0, 1.0)));
+        let mut toy = Toy { learned: Some(Learned { nats: 3.0, ..Learned::default() }), ..Toy::at(50.0) };
+        let shown = look(&mut toy, fraction, |view| {
+            let (belief, looks) = weighed(view, &[50.0]);
+            close(belief.log_evidence, 3.0 * fraction);
+            monitor.evidence(view, &belief, &looks, &estimate(50.0), (&Percept::default(), &Distractors::default()))
+        });
+        close(shown.evidence, 0.0);
+    }
+}
+
+/// What the second tracker learned is reset if the first one was misled.
+#[test]
+fn a_misled_tracker_resets_the_memory_of_its_second() {
+    for misled in [false, true] {
+        let (learned, verdict) = (Learned::default(), TrackConfidence::default());
+        let forgotten = learned.forgotten.clone();
+        let mut second = started(parts(Toy { learned: Some(learned), ..Toy::at(50.0) }), 1);
+        look(&mut Toy::at(50.0), 1.0, |view| {
+            second::follow(Some(&mut second), view, &estimate(50.0), &verdict, (true, misled));
+        });
+        assert_eq!(forgotten.load(Ordering::Relaxed) > 0, misled);
+    }
+}
+
+/// A monitor after so many frames with the evidence of the target, and this logit of absence by the box regression.
+fn doubted(frames: usize, absent: f64) -> Monitor {
+    let absence = AbsenceWeights { rate: 1.0, weight: 1.0, bias: 0.0 };
+    let mut monitor = Monitor::new(Default::default(), ConfidenceModel { absence, ..toy::model() });
+    let shown = FrameEvidence { absent: Some(absent), ..evidence(&mut monitor) };
+    (0..frames).for_each(|_| _ = monitor.judge(true, &shown));
+    monitor
+}
+
+/// Nothing is learned from a frame in which the box regression doubts that the target is there.
+#[test]
+fn a_doubtful_frame_teaches_nothing() {
+    let lessons = [-6.0, 6.0].map(|absent| {
+        let monitor = doubted(1, absent);
+        (monitor.loss.is_searching(), monitor.lesson(1).is_some())
+    });
+    assert_eq!(lessons, [(false, true), (false, false)]);
+}
+
+/// In the frame in which a misled tracker loses the target, and not in the frames of the search.
+#[test]
+fn a_misled_tracker_forgets_once() {
+    let (mut monitor, verdict) = (doubted(2, 6.0), TrackConfidence { own: 0.9, ..TrackConfidence::default() });
+    for was_lost in [false, true] {
+        let misled = |view: &mut View<'_>| monitor.revise(view, &verdict, &estimate(50.0), (was_lost, 1));
+        assert_eq!(look(&mut Toy::at(50.0), 1.0, misled), !was_lost);
+    }
+}
+
+/// Searches frame 60 for a target that is at column 70, with particles at column 50. Returns the particles.
+fn searched(monitor: &mut Monitor, fraction: f64, lost: bool, found: &'static [Detection]) -> Particles {
+    let mut filter = parts(Toy::at(70.0)).filter.with_local_search(Some(LocalSearch::new(Default::default())));
+    filter = filter.with_redetection(Some(Redetection::new(Default::default())));
+    filter = filter.with_detection_likelihood(Some(DetectionLikelihood::default()));
+    look(&mut Toy::at(70.0), fraction, |view| {
+        let (mut belief, mut looks) = weighed(view, &[50.0; 10]);
+        view.scene.detections = found;
+        let when = (lost, Streams::new(1, 0), 60);
+        filter.search(view, &mut belief, &mut looks, monitor, when, Distractors::default());
+        belief
+    })
+}
+
+/// A monitor that searches for distractors, and remembers those of a frame with the target at column 50 if `remembers`.
+fn beside(remembers: bool) -> Monitor {
+    let settings = DistractorSettings { reach: 2.0, step: 1.0, remembered: 2, first_frame: false };
+    let mut monitor = Monitor::new(Default::default(), toy::model()).with_distractors(Some(settings));
+    look(&mut Toy::at(70.0), 1.0, |view| {
+        monitor.search(view, &state(50.0), Distractors::default());
+        if remembers {
+            monitor.remember(view, &state(50.0));
+        }
+    });
+    monitor
+}
+
+/// Particles are drawn again at a better place, unless what is there was beside the target before, or the target is mostly occluded.
+#[test]
+fn the_local_search_takes_a_new_place_of_a_visible_target() {
+    for (remembers, fraction, leaps) in [(false, 1.0, true), (true, 1.0, false), (false, 0.3, false)] {
+        let belief = searched(&mut beside(remembers), fraction, false, &[]);
+        assert_eq!(!belief.drawn.is_empty(), leaps, "remembers {remembers}, {fraction} of it is visible");
+    }
+}
+
+/// Both searches weigh the particles that they draw by the detections, as the prediction weighs all.
+#[test]
+fn particles_drawn_again_have_the_detection_likelihood() {
+    let found = vec![Detection::new(target(72.0), 1.0)].leak();
+    for lost in [false, true] {
+        let [without, with] = [&[][..], found].map(|found| searched(&mut beside(false), 1.0, lost, found));
+        assert!(!with.drawn.is_empty());
+        for i in with.drawn {
+            let weight = DetectionLikelihood::default().log_likelihood(found, &with.states[i], EXTENT);
+            close(with.log_importance[i], without.log_importance[i] + weight);
+        }
+    }
+}
+
+/// The search for a lost target goes on while another place in the picture fits best.
+#[test]
+fn a_search_does_not_end_beside_the_best_place() {
+    for elsewhere in [false, true] {
+        let mut monitor = beside(false);
+        let here = evidence(&mut monitor);
+        let lost = FrameEvidence { consistency: Consistency { deficit: 1.0, ..here.consistency }, ..here };
+        (0..5).for_each(|_| _ = monitor.judge(true, &lost));
+        if elsewhere {
+            searched(&mut monitor, 1.0, true, &[]);
+        }
+        (0..5).for_each(|_| _ = monitor.judge(true, &here));
+        assert_eq!(monitor.loss.is_searching(), elsewhere);
+    }
+}
+
+/// The particles are selected if the effective sample size is below the threshold; otherwise they keep their weights.
+#[test]
+fn selection_waits_for_a_small_sample_size() {
+    for (weights, selects) in [([0.5, 0.3, 0.2], false), ([0.98, 0.01, 0.01], true)] {
+        let resampling = Resampling { below: 0.5, ..Resampling::default() };
+        let mut filter =
+            Filter::new(parts(Toy::at(50.0)).filter.proposal, 3).expect("three").with_resampling(resampling);
+        let belief =
+            Particles { states: [1.0, 2.0, 3.0].map(state).into(), weights: weights.into(), ..Default::default() };
+        filter.select(&belief, &belief.estimate(), Streams::new(1, 0), vec![]);
+        close(filter.log_weights[0].exp(), if selects { 1.0 / 3.0 } else { weights[0] });
+    }
+}
+
+/// While particles wait, their motion is postponed: 1.5 pixels a frame, four times as far after 16 frames.
+#[test]
+fn waiting_particles_catch_up() {
+    let image = picture();
+    let spread = |waited: usize| {
+        let (mut engine, scene) = (started(parts(Toy::at(50.0)), 0), Scene { image: &image, detections: &[] });
+        assert!(engine.waits(false));
+        (0..waited).for_each(|_| _ = engine.coast(scene));
+        engine.step_on(scene);
+        engine.record.belief.states.iter().map(|state| (state.x - 50.0).powi(2)).sum::<f64>().sqrt()
+    };
+    let further = spread(15) / spread(0);
+    assert!((2.5..5.0).contains(&further), "{further}");
+}
+
+/// A network that counts for returns alone is asked in each frame of a search, and in no other.
+#[test]
+fn the_box_regression_is_asked_while_the_target_is_lost() {
+    use crate::identity::box_regression::Settings;
+    let box_regression = ReacquisitionWeights { weight: 1.0, bias: 0.0 };
+    let model = ConfidenceModel { box_regression, ..toy::model() };
+    let network = Settings::default().read(&foveate_base::files::Nowhere).expect("it ships");
+    let boxes = BoxRegression::new(Arc::new(network), Settings::default());
+    let mut extras = Extras { recognition: None, box_regression: Some(boxes) };
+    extras.init(&picture(), &state(50.0), EXTENT);
+    look(&mut Toy::at(50.0), 1.0, |view| {
+        let asked = [false, true].map(|lost| extras.ask(view, &estimate(50.0), &model, lost).is_some());
+        assert_eq!(asked, [false, true]);
+    });
 }

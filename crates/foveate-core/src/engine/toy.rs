@@ -8,7 +8,7 @@ use super::{Engine, Filter, GazeControl, Monitor, Parts};
 use crate::control::{Autoregressive, Concentration, ConfidenceModel, ConsistencySettings, OWN, Prior};
 use crate::gaze::Fixed;
 use crate::geometry::{BBox, Extent, Gaze, State};
-use crate::identity::{Appearance, Percept};
+use crate::identity::{Appearance, Lesson, Memory, Percept};
 use crate::reference::ReferenceLikelihood;
 use crate::scene::Image;
 use foveate_base::rng::Streams;
@@ -27,11 +27,32 @@ pub(crate) struct Toy {
     pub committed: Gaze,
     /// The number of templates it has received.
     pub templates: Arc<AtomicUsize>,
+    pub learned: Option<Learned>,
+}
+
+/// A memory that adds nats to the likelihood of every place, in its short-term part.
+#[derive(Default)]
+pub(crate) struct Learned {
+    pub nats: f64,
+    pub aside: bool,
+    /// How often everything was forgotten.
+    pub forgotten: Arc<AtomicUsize>,
+}
+
+impl Memory for Learned {
+    fn learn(&mut self, _: &Image, _: &State, _: &[State], _: Lesson) {}
+    fn forget(&mut self) {
+        self.forgotten.fetch_add(1, Ordering::Relaxed);
+    }
+    fn set_short_term_aside(&mut self, aside: bool) -> bool {
+        self.aside = aside;
+        true
+    }
 }
 
 impl Toy {
     pub(crate) fn at(at: f64) -> Self {
-        Self { at, committed: Gaze::CENTRE, templates: Arc::default() }
+        Self { at, committed: Gaze::CENTRE, templates: Arc::default(), learned: None }
     }
 
     /// The features of a column: one axis for each 10 pixels.
@@ -48,7 +69,8 @@ impl Appearance for Toy {
     }
     fn prepare(&mut self, _: &Image, _: &[State], _: &[Gaze]) {}
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
-        let fit = |state: &State| (-SLOPE * (state.x + gaze.u * EXTENT.half_w - self.at).abs()).max(OFF);
+        let learned = self.learned.as_ref().filter(|it| !it.aside).map_or(0.0, |it| it.nats);
+        let fit = |state: &State| learned + (-SLOPE * (state.x + gaze.u * EXTENT.half_w - self.at).abs()).max(OFF);
         out.iter_mut().zip(states).for_each(|(out, state)| *out = fit(state));
     }
     fn glimpse(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
@@ -67,7 +89,10 @@ impl Appearance for Toy {
     }
     fn commit_gaze(&mut self, gaze: Gaze, _: Streams) -> Option<ReferenceLikelihood> {
         self.committed = gaze;
-        Some(REFERENCE)
+        Some(ReferenceLikelihood { off: 0.5 * OFF, ..REFERENCE })
+    }
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        self.learned.as_mut().map(|it| it as &mut dyn Memory)
     }
 }
 

@@ -193,4 +193,25 @@ mod tests {
             assert_eq!(target.is_some(), found, "a side of {side} pixels, where it had 20");
         }
     }
+
+    /// A track ends outside the picture, and after so many frames as lost, or without a detection if there is a detector.
+    #[test]
+    fn tracks_of_targets_that_are_gone_end() {
+        let most = Settings::default().termination;
+        for (x, lost, unseen, detecting, ends) in [
+            (50.0, most.lost - 1, most.unseen - 1, true, false),
+            (50.0, most.lost, 0, false, true),
+            (50.0, 0, most.unseen, true, true),
+            (50.0, 0, most.unseen, false, false),
+            (200.0, 0, 0, false, true),
+        ] {
+            let mut it = targets(Initiation::default());
+            it.detecting = detecting;
+            let gone = &mut it.active[0];
+            (gone.track.bbox, gone.lost, gone.unseen) = (target(x), lost, unseen);
+            it.terminate(&picture());
+            assert_eq!(it.active.is_empty(), ends, "column {x}, lost for {lost} frames, unseen for {unseen}");
+            assert_eq!(it.terminated.len(), usize::from(ends));
+        }
+    }
 }

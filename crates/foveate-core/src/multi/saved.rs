@@ -196,7 +196,7 @@ impl SavedTarget {
     fn read(self, trackers: &MultiTracker) -> Result<Target> {
         let mut ensemble = (trackers.make)(self.track.id);
         ensemble.load(&self.ensemble)?;
-        if !ensemble.has_target() {
+        if !ensemble.first().has_target() {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
         let Self { track, lost, unseen, hidden, terminated, shape, surprise, .. } = self;

@@ -102,7 +102,7 @@ impl Target {
 
     /// Starts the target at a box that was given or detected.
     pub(super) fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
-        let extent = self.ensemble.extent().expect("it was started");
+        let extent = self.ensemble.first().extent().expect("it was started");
         let state = self.ensemble.first().state_at(&bbox);
         let Seen { id, gaze, class, detected_class, shape: size, .. } = self.track;
         let given = Seen::given(size, &bbox).in_phase(phase);
@@ -133,7 +133,7 @@ impl Target {
             false if visible < s.occlusion.hidden => Phase::Occluded,
             false => Phase::Tracked,
         };
-        let extent = self.ensemble.extent().expect("it was started");
+        let extent = self.ensemble.first().extent().expect("it was started");
         let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / longer_half(&estimate, extent);
         let moved = moved / (1 + waited) as f64;
         self.surprise += NEWEST * (moved - self.surprise);
@@ -174,7 +174,7 @@ impl Target {
     fn update_template(&mut self, image: &Image) {
         let State { vx, vy, .. } = self.track.state;
         if self.ensemble.update_template(image, &self.track.bbox, (vx, vy)).is_ok() {
-            self.track.extent = self.ensemble.extent().expect("it was started");
+            self.track.extent = self.ensemble.first().extent().expect("it was started");
             (self.track.state.log_scale, self.track.state.log_aspect) = (0.0, 0.0);
             (self.shape, self.track.consistency.deficit) = (0.0, 0.0);
         }
