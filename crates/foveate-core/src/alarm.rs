@@ -9,9 +9,9 @@
 
 use crate::gaze::Context;
 use crate::identity::accumulate::{Accumulate, Accumulator};
-use foveate_base::{Error, Result};
+use crate::saved_state::{SavedState, Valid, Validate};
+use foveate_base::Result;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 /// Weight of the newest frame in the smoothed deficit: single decisions can be wrong for some frames in a row.
 const MEMORY: f64 = 0.1;
@@ -21,10 +21,11 @@ const CONFIDENT: f64 = 0.3;
 const KNOWN: f64 = 0.9;
 
 /// The posterior of the target's class, and the deficit.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Alarm {
     accumulator: Accumulator,
-    /// b(c).
+    /// b(c), which follows from the accumulated evidence.
+    #[serde(skip)]
     belief: Vec<f64>,
     past: Past,
 }
@@ -76,21 +77,22 @@ impl Alarm {
         self.accumulator.posterior(&mut self.belief);
         self.past = Past::default();
     }
-    /// Returns the whole state.
-    pub(crate) fn save(&self) -> Value {
-        json!({ "evidence": self.accumulator.save(), "past": self.past })
-    }
-    /// Restores a state that `save` returned.
-    pub(crate) fn load(&mut self, saved: &Value) -> Result<()> {
-        let bad = |what: String| Error::Invalid(format!("the saved alarm of the recogniser cannot be used: {what}"));
-        let past = Past::deserialize(&saved["past"]).map_err(|e| bad(e.to_string()))?;
-        if !(0.0..=1.0).contains(&past.deficit) || !(0.0..=1e18).contains(&past.agreed) {
-            return Err(bad(format!("its deficit is {}, its agreement {}", past.deficit, past.agreed)));
-        }
-        self.accumulator.load(&saved["evidence"])?;
+    /// Restores a state that was saved.
+    pub(crate) fn load(&mut self, saved: &SavedState) -> Result<()> {
+        let Self { accumulator, past, .. } = saved.state("alarm of the recogniser", self)?;
+        (self.accumulator, self.past) = (accumulator, past);
         self.accumulator.posterior(&mut self.belief);
-        self.past = past;
         Ok(())
+    }
+}
+
+impl Validate<Self> for Alarm {
+    fn validate(&self, of: &Self) -> Valid {
+        let Past { deficit, agreed, .. } = self.past;
+        if !(0.0..=1.0).contains(&deficit) || !(0.0..=1e18).contains(&agreed) {
+            return Err(format!("its deficit is {deficit}, its agreement {agreed}"));
+        }
+        self.accumulator.validate(&of.accumulator)
     }
 }
 
@@ -126,7 +128,7 @@ mod tests {
         assert!(exact(frame) > 0.6 && exact(frame - 1) <= 0.6, "{frame}");
         assert!((deficit - exact(frame)).abs() < 1e-3);
         let mut again = alarm();
-        again.load(&g.save()).expect("it was saved");
+        again.load(&SavedState::new(&g)).expect("it was saved");
         assert_eq!((lost(&mut again, &mine), again.past), (lost(&mut g, &mine), g.past));
         g.reset();
         assert_eq!((g.past, &*g.belief), (Past::default(), &[0.5, 0.5][..]));
@@ -140,12 +142,9 @@ mod tests {
             g.update(&log_p, &SURE);
             assert_eq!(g.deficit(), 0.0);
         }
-        assert!(
-            g.load(&json!({ "evidence": [1.0, 2.0, 3.0], "past": { "agreed": 0.0, "frames": 0, "deficit": 0.0 } }))
-                .is_err()
-                && g.load(&Value::Null).is_err()
-        );
-        let past = json!({ "agreed": 1.0, "frames": 1, "deficit": 7.0 });
-        assert!(g.load(&json!({ "evidence": [1.0, 2.0], "past": past })).is_err());
+        assert!(g.load(&SavedState::new(&Alarm::new(3).expect("three classes"))).is_err());
+        let mut damaged = alarm();
+        damaged.past.deficit = 7.0;
+        assert!(g.load(&SavedState::new(&damaged)).is_err());
     }
 }

@@ -7,15 +7,16 @@
 
 use std::iter::once;
 
-use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 use crate::control::{Ballot, Vote};
 use crate::engine::{Claim, Engine, Parts};
 use crate::geometry::BBox;
+use crate::saved_state::{SavedState, refused};
 use crate::scene::{Flow, Image, Meter, Scene, World};
 use crate::seen::{Phase, Seen};
 use crate::threads;
-use foveate_base::{Error, Result};
+use foveate_base::Result;
 
 /// Upper bound on the number of rectangles that a voter and its second tracker read of a picture.
 const WINDOWS: usize = 64;
@@ -49,13 +50,6 @@ impl Member {
     fn trackers_mut(&mut self) -> impl Iterator<Item = &mut Engine> {
         once(&mut self.voter).chain(&mut self.second)
     }
-}
-
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    /// Each voter, followed by its second tracker if it has one.
-    trackers: Vec<serde_json::Value>,
-    vote: serde_json::Value,
 }
 
 impl Ensemble {
@@ -165,28 +159,26 @@ impl Ensemble {
         self.trackers_mut().for_each(Engine::compact);
     }
 
-    /// Returns the state of all trackers and of the vote.
-    pub(crate) fn save(&self) -> serde_json::Value {
-        let trackers = self.members.iter().flat_map(Member::trackers).map(Engine::save).collect();
-        serde_json::to_value(Saved { trackers, vote: self.vote.save() }).expect("plain data is JSON")
+    /// Returns the state of all trackers, of each voter before its second tracker, and of the vote.
+    pub(crate) fn save(&self) -> SavedState {
+        let trackers: Vec<_> = self.members.iter().flat_map(Member::trackers).map(Engine::save).collect();
+        SavedState::new(&json!({ "trackers": trackers, "vote": self.vote.state }))
     }
 
     /// Restores a state that [`Ensemble::save`] returned.
-    pub(crate) fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        let (count, ours) = (saved.trackers.len(), self.trackers_mut().count());
+    pub(crate) fn load(&mut self, saved: &SavedState) -> Result<()> {
+        let trackers: Vec<SavedState> = saved.part_read("trackers")?;
+        let (count, ours) = (trackers.len(), self.trackers_mut().count());
         if count != ours {
-            return Err(bad(format!(
-                "it has {count} trackers, this one {ours}; use the configuration it was saved with"
-            )));
+            return Err(refused("tracker", &format!("it has {count} trackers, this one {ours}")));
         }
-        self.trackers_mut().zip(&saved.trackers).try_for_each(|(tracker, saved)| tracker.load(saved))?;
+        self.trackers_mut().zip(&trackers).try_for_each(|(tracker, saved)| tracker.load(saved))?;
         let has_target = self.first().has_target();
         if self.trackers_mut().any(|tracker| tracker.has_target() != has_target) {
-            return Err(bad("some of its trackers have a target, others none".into()));
+            return Err(refused("tracker", "some of its trackers have a target, others none"));
         }
-        self.vote.load(&saved.vote)
+        self.vote.state = saved.part_read("vote")?;
+        Ok(())
     }
 }
 
@@ -242,7 +234,7 @@ mod tests {
         }
         assert!(fetched.is_some_and(|i| i > 1), "fetched in frame {fetched:?}");
         assert!(
-            committee.trackers_mut().all(|tracker| tracker.save()["visible"] == 0.9),
+            committee.trackers_mut().all(|tracker| tracker.save().part("visible") == SavedState::new(&0.9)),
             "as much can be seen of it as before"
         );
     }

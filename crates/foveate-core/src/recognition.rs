@@ -16,7 +16,7 @@ use crate::scene::{Image, Meter};
 use foveate_base::rng::Rng;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// The farthest gaze that the pyramid covers unless a plan needs more, template units: the size of the region stays nearly constant.
 const USUAL_GAZE: f64 = 1.0;
@@ -178,26 +178,18 @@ impl Recognition {
         self.plan.clear();
     }
     /// Returns the whole state.
-    pub fn save(&self) -> Value {
+    pub fn save(&self) -> SavedState {
         let (looks, policy) = (self.recognizer.save(), self.policy.save());
-        let mut saved = json!({ "looks": looks, "policy": policy, "evidence": self.accumulator.save() });
-        if let Some(alarm) = &self.alarm {
-            saved["alarm"] = alarm.save();
-        }
-        saved
+        SavedState::new(&json!({ "looks": looks, "policy": policy, "evidence": self.accumulator, "alarm": self.alarm }))
     }
     /// Restores a state that `save` returned. After an error, call [`Recognition::reset`].
-    pub fn load(&mut self, saved: &Value) -> Result<()> {
+    pub fn load(&mut self, saved: &SavedState) -> Result<()> {
         self.reset();
-        let part = |key: &str| SavedState::new(&saved[key]);
-        self.recognizer.load(&part("looks"))?;
-        self.policy.load(&part("policy"))?;
-        self.accumulator.load(&saved["evidence"])?;
+        self.recognizer.load(&saved.part("looks"))?;
+        self.policy.load(&saved.part("policy"))?;
+        self.accumulator = saved.part_state("evidence", &self.accumulator)?;
         self.accumulator.posterior(&mut self.classes);
-        match (&mut self.alarm, saved.get("alarm")) {
-            (Some(alarm), Some(saved)) => alarm.load(saved),
-            _ => Ok(()),
-        }
+        self.alarm.as_mut().map_or(Ok(()), |alarm| alarm.load(&saved.part("alarm")))
     }
 }
 

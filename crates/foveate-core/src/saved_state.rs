@@ -1,4 +1,4 @@
-//! The state of a part in a saved tracker.
+//! The states of parts in a saved tracker.
 
 use std::fmt;
 
@@ -6,6 +6,11 @@ use foveate_base::{Error, Result};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+use crate::origin::Origin;
+
+/// The format number of saved trackers, of one target and of many.
+pub(crate) const FORMAT: u32 = 19;
 
 /// The state of a part: any value that serde can write. Only the part itself interprets it.
 ///
@@ -21,12 +26,26 @@ use serde_json::Value;
 #[serde(transparent)]
 pub struct SavedState(Value);
 
+/// A state that serde has read: it may be damaged, or of a part with other settings.
+pub(crate) trait Validate<Settings: ?Sized = ()> {
+    /// Fails with the problem if a part with these settings cannot continue from this state.
+    fn validate(&self, settings: &Settings) -> Valid;
+}
+
+/// The problem of a state, if it has one.
+pub(crate) type Valid = std::result::Result<(), String>;
+
+/// Fails with the problem unless the condition holds.
+pub(crate) fn ensure(holds: bool, problem: impl FnOnce() -> String) -> Valid {
+    if holds { Ok(()) } else { Err(problem()) }
+}
+
 impl SavedState {
     /// Returns the state of a part that learns nothing.
     pub fn empty() -> Self {
         Self::default()
     }
-    /// Saves this value. Numbers that are not finite are lost.
+    /// Saves this value; `None` is the empty state. Numbers that are not finite are lost.
     ///
     /// # Panics
     /// If the value cannot be JSON: it has a map whose keys are not text, or its `Serialize` fails.
@@ -44,6 +63,46 @@ impl SavedState {
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
         T::deserialize(&self.0).map_err(|error| Error::Invalid(format!("the saved state does not fit: {error}")))
     }
+    /// Returns the state of the part `name` if a part with these settings can continue from it.
+    pub(crate) fn state<S: ?Sized, T: DeserializeOwned + Validate<S>>(&self, name: &str, settings: &S) -> Result<T> {
+        let checked = |state: T| state.validate(settings).map(|()| state);
+        let state = T::deserialize(&self.0).map_err(|error| error.to_string()).and_then(checked);
+        state.map_err(|what| refused(name, &what))
+    }
+    /// Checks that a tracker of this origin was saved, in the present format.
+    pub(crate) fn check_origin(&self, origin: &Origin) -> Result<()> {
+        // Check the format first: a state of another format has other parts.
+        if self.0["format"] != FORMAT {
+            let found = self.0["format"].as_u64().map_or("no number".into(), |format| format.to_string());
+            return Err(refused("tracker", &format!("its format is {found}, this version writes and reads {FORMAT}")));
+        }
+        origin.check(&self.part_read("origin")?).map_err(|what| refused("tracker", &what))
+    }
+    /// Returns the state as a JSON value.
+    pub(crate) fn into_value(self) -> Value {
+        self.0
+    }
+    /// Returns the state of a part of this part; it is empty if there is none of this name.
+    pub(crate) fn part(&self, name: &str) -> Self {
+        Self(self.0[name].clone())
+    }
+    /// Returns the state of the part `name` of this part, which fits any settings.
+    pub(crate) fn part_read<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
+        T::deserialize(&self.0[name]).map_err(|error| refused(name, &error.to_string()))
+    }
+    /// Returns the state of the part `name` of this part, as [`SavedState::state`].
+    pub(crate) fn part_state<S: ?Sized, T: DeserializeOwned + Validate<S>>(
+        &self,
+        name: &str,
+        settings: &S,
+    ) -> Result<T> {
+        self.part(name).state(name, settings)
+    }
+}
+
+/// Returns the error for a saved part that cannot be used.
+pub(crate) fn refused(name: &str, what: &str) -> Error {
+    Error::Invalid(format!("the saved {name} cannot be used: {what}"))
 }
 
 /// Formats the value as JSON text.

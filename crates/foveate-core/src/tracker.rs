@@ -8,11 +8,12 @@ use crate::engine::Parts;
 use crate::ensemble::Ensemble;
 use crate::geometry::{BBox, Extent, State};
 use crate::origin::Origin;
+use crate::saved_state::{FORMAT, SavedState, refused};
 use crate::scene::{Detection, Image, Preprocessor, Regions, Scene, Sensor, World};
 use crate::seen::Seen;
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
-use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 /// Follows one target.
 ///
@@ -41,17 +42,6 @@ impl std::fmt::Debug for Tracker {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Tracker").field("origin", &self.origin).field("shape", &self.shape).finish_non_exhaustive()
     }
-}
-
-/// The format number of saved trackers.
-const FORMAT: u32 = 18;
-
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    format: u32,
-    origin: Origin,
-    shape: Option<[usize; 3]>,
-    ensemble: serde_json::Value,
 }
 
 impl Tracker {
@@ -228,9 +218,8 @@ impl Tracker {
     /// Returns the whole state in mid-video; [`Tracker::load`] resumes from it bit for bit. It excludes the pictures that the detector and
     /// the camera motion compare: show the last picture again with [`Tracker::skip`].
     pub fn save(&self) -> serde_json::Value {
-        let saved =
-            Saved { format: FORMAT, origin: self.origin.clone(), shape: self.shape, ensemble: self.ensemble.save() };
-        serde_json::to_value(saved).expect("plain data is JSON")
+        let (origin, shape, ensemble) = (&self.origin, self.shape, self.ensemble.save());
+        json!({ "format": FORMAT, "origin": origin, "shape": shape, "ensemble": ensemble })
     }
 
     /// Restores a state that [`Tracker::save`] returned, in a tracker of the same configuration and seed. After an error, set the target
@@ -240,19 +229,14 @@ impl Tracker {
     /// [`Error::Invalid`] if it is not a saved tracker, is of another version, or was saved with another configuration or seed: the error
     /// names the settings that differ. The contents of model files are not compared.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
-        // Check the format first: a state of another format has other fields.
-        if let Some(format) = saved["format"].as_u64().filter(|format| *format != u64::from(FORMAT)) {
-            return Err(bad(format!("its format is {format}, this version writes and reads {FORMAT}")));
+        let saved = SavedState::new(saved);
+        saved.check_origin(&self.origin)?;
+        self.ensemble.load(&saved.part("ensemble"))?;
+        self.shape = saved.part_read("shape")?;
+        match self.shape.is_some() == self.has_target() {
+            true => Ok(()),
+            false => Err(refused("tracker", "it has a target without the size of its pictures, or the size alone")),
         }
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        self.origin.check(&saved.origin).map_err(bad)?;
-        self.ensemble.load(&saved.ensemble)?;
-        if saved.shape.is_some() != self.ensemble.first().has_target() {
-            return Err(bad("it has a target without the size of its pictures, or the size without a target".into()));
-        }
-        self.shape = saved.shape;
-        Ok(())
     }
 }
 

@@ -61,9 +61,9 @@ fn run(config: &str, n: usize, spread: bool, frames: usize) -> (usize, usize, Du
     let (bytes, time) = (LIVE.load(Ordering::Relaxed) - before, began.elapsed() / frames as u32);
     let saved = if n < 100 { many.save() } else { serde_json::json!({ "active": [] }) };
     let template = |target: &serde_json::Value| {
-        let side =
-            |name: &str| target["ensemble"]["trackers"][0]["appearance"][name].as_u64().expect("a number") as usize;
-        side("width") * side("height") * side("planes")
+        let shape =
+            target["ensemble"]["trackers"][0]["appearance"]["template"]["image"][0].as_array().expect("three sides");
+        shape.iter().map(|side| side.as_u64().expect("a number") as usize).product()
     };
     let templates: Vec<usize> = saved["active"].as_array().expect("targets").iter().map(template).collect();
     (bytes, templates.iter().sum::<usize>() / templates.len().max(1), time)

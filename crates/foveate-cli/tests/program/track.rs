@@ -90,7 +90,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
                 "\"particles\":[",
                 "\"particles\":[{\"x\":0,\"y\":0,\"vx\":0,\"vy\":0,\"log_scale\":0,\"angle\":0,\"log_aspect\":0},",
             ),
-            "bad.json: the saved tracker cannot be used: it has 61 particles",
+            "bad.json: the saved filter cannot be used: it has 61 particles",
         ),
         (r#"{"next_frame":1,"tracker":null}"#.into(), "not a state written by --save-state"),
         (text.replace("\"format\":", "\"format\":1"), "saved tracker"),
@@ -105,9 +105,11 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
         "{smaller}"
     );
     assert!(place.failure(&["video", "--load-state", "none.json"]).contains("none.json"));
-    assert!(place.failure(&["video", "--load-state", "s.json", "--seed", "9"]).contains("give --seed 0"));
+    assert!(
+        place.failure(&["video", "--load-state", "s.json", "--seed", "9"]).contains("seed is 0 in the state and 9")
+    );
     let other = place.failure(&["video", "--load-state", "s.json", "--set", "particles=50"]);
-    assert!(other.contains("another configuration") && other.contains("particles = 60"), "{other}");
+    assert!(other.contains("s.json: ") && other.contains("particles is 60 in the state and 50"), "{other}");
     assert!(place.failure(&["video", "--load-state", "s.json", "--until", "3"]).contains("goes on at frame 5"));
 }
 
@@ -248,7 +250,7 @@ fn policy_and_settings_from_the_command_line() {
     assert_ne!(place.boxes("other", &["video", "--policy", "gp-ucb"]), plain);
     assert_ne!(place.boxes("fewer", &["video", "--set", "particles=30", "--set", "likelihood.sharpness=20"]), plain);
     place.boxes("state", &["video", "--policy", "exp3", "--until", "5", "--save-state", "s.json"]);
-    assert!(place.failure(&["video", "--load-state", "s.json"]).contains("another configuration"));
+    assert!(place.failure(&["video", "--load-state", "s.json"]).contains("policy.kind is \"exp3\" in the state"));
     assert!(
         place.failure(&["video", "--policy", "exp3", "--load-state", "s.json", "--until", "5"]).contains("--until 5")
     );

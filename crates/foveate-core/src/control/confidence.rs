@@ -17,7 +17,7 @@ use super::status::ReportedStatus;
 use super::{Consistency, Status};
 use crate::geometry::State;
 use crate::reference::ReferenceLikelihood;
-use foveate_base::{Error, Result};
+use crate::saved_state::{Valid, Validate, ensure};
 
 mod model;
 mod search;
@@ -83,13 +83,13 @@ pub struct FrameEvidence {
 #[derive(Clone, Debug)]
 pub struct LossMonitor {
     model: ConfidenceModel,
-    past: Past,
+    pub(crate) state: LossState,
 }
 
 /// The state between frames.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Past {
+pub(crate) struct LossState {
     /// Frames the usual values were taken from.
     frames: usize,
     /// Mean evidence, its mean deviation, and mean distance, on the target.
@@ -138,7 +138,7 @@ const PRESENT: f64 = -MOST_ODDS;
 /// target.
 const LEAST_DEVIATION: f64 = 0.02;
 
-impl Past {
+impl LossState {
     /// Nothing was seen yet.
     fn none() -> Self {
         Self { is_new: true, absence: PRESENT, ..Self::default() }
@@ -148,7 +148,7 @@ impl Past {
 impl LossMonitor {
     /// A monitor with this model, before the first frame.
     pub fn new(model: ConfidenceModel) -> Self {
-        Self { model, past: Past::none() }
+        Self { model, state: LossState::none() }
     }
 
     /// The model.
@@ -158,18 +158,18 @@ impl LossMonitor {
 
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
-        self.past = Past::none();
+        self.state = LossState::none();
     }
 
     /// Resets the search after a new position was given; the running means stay.
     pub(crate) fn restart(&mut self) {
-        let Past { frames, evidence, deviation, distance, seen, .. } = self.past;
-        self.past = Past { frames, evidence, deviation, distance, seen, ..Past::none() };
+        let LossState { frames, evidence, deviation, distance, seen, .. } = self.state;
+        self.state = LossState { frames, evidence, deviation, distance, seen, ..LossState::none() };
     }
 
     /// Resets the running means, because later looks are compared with another template.
     pub(crate) fn forget_usual(&mut self) {
-        let m = &mut self.past;
+        let m = &mut self.state;
         (m.frames, m.evidence, m.deviation, m.distance, m.lasting) = (0, 0.0, 0.0, 0.0, 0.0);
         m.absence = PRESENT;
     }
@@ -179,12 +179,12 @@ impl LossMonitor {
         let absent = shown.absent.map(within_odds);
         let cues = self.cues(shown, absent);
         let verdict = self.verdict(&cues, shown.alarm);
-        let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
+        let elsewhere = self.state.best_place.is_some_and(|place| apart(&place, shown));
         // Only the last look decides whether the target is back.
         let p_lost = if self.is_searching() { self.model.returned(verdict.cued, absent) } else { verdict.own };
         let confidence = self.update_status(&verdict, p_lost, elsewhere, cues);
-        self.past.estimate = shown.estimate;
-        if self.past.frames < (1.0 / NEWEST) as usize / 2 || verdict.own < self.model.leave {
+        self.state.estimate = shown.estimate;
+        if self.state.frames < (1.0 / NEWEST) as usize / 2 || verdict.own < self.model.leave {
             self.learn(shown);
         }
         confidence
@@ -199,7 +199,7 @@ impl LossMonitor {
 
     /// Keeps the verdict of a frame, and updates search and status. `p_lost` decides whether the tracker searches.
     fn update_status(&mut self, verdict: &Verdict, p_lost: f64, elsewhere: bool, cues: Cues) -> TrackConfidence {
-        let m = &mut self.past;
+        let m = &mut self.state;
         if m.search.update(&self.model, p_lost, elsewhere) {
             (m.best_place, m.absence) = (None, PRESENT);
         }
@@ -209,14 +209,14 @@ impl LossMonitor {
 
     /// The result of a frame without evidence: P(lost) is unchanged, and the status follows from it.
     pub fn hold(&mut self) -> TrackConfidence {
-        let m = &mut self.past;
+        let m = &mut self.state;
         m.reported.update(m.p_lost, self.model.status, self.model.patience);
         self.last()
     }
 
     /// Whether the tracker searches for the target. This differs from the reported status.
     pub fn is_searching(&self) -> bool {
-        self.past.search.is_searching
+        self.state.search.is_searching
     }
 
     /// P(lost) of these cues, which is not less than `alarm`.
@@ -227,12 +227,12 @@ impl LossMonitor {
 
     /// The last verdict.
     pub fn last(&self) -> TrackConfidence {
-        let Past { p_lost, own, reported, cues, .. } = self.past;
+        let LossState { p_lost, own, reported, cues, .. } = self.state;
         TrackConfidence { p_lost, own, status: reported.status(), cues }
     }
 
     fn cues(&mut self, s: &FrameEvidence, absent: Option<f64>) -> Cues {
-        let m = &mut self.past;
+        let m = &mut self.state;
         let gap = (s.reference.on - s.reference.off).max(1e-9);
         let (mut drop, mut distance) = (0.0, 0.0);
         if m.frames > 0 {
@@ -277,7 +277,7 @@ impl LossMonitor {
 
     /// Updates the usual evidence on the target.
     fn learn(&mut self, s: &FrameEvidence) {
-        let m = &mut self.past;
+        let m = &mut self.state;
         if !(s.evidence.is_finite() && s.distance.is_finite()) {
             return;
         }
@@ -294,35 +294,31 @@ impl LossMonitor {
 
     /// Whether the box regression doubts that the target is at the estimate: then nothing is learned from the frame.
     pub(crate) fn is_doubted(&self) -> bool {
-        self.model.by_absence(&self.past.cues) >= self.model.leave
+        self.model.by_absence(&self.state.cues) >= self.model.leave
     }
 
     /// Whether only the box regression reports a loss. The appearance was then learned from another object.
     pub(crate) fn is_misled(&self) -> bool {
-        let (model, cues) = (&self.model, &self.past.cues);
+        let (model, cues) = (&self.model, &self.state.cues);
         model.by_absence(cues) > model.enter && model.own(cues) <= model.enter
     }
 
     /// The best fit in the whole picture: the search does not end at another place.
     pub fn searched(&mut self, best: Option<&State>) {
-        self.past.best_place = best.copied();
+        self.state.best_place = best.copied();
     }
 
     /// Where the target was seen last; `None` before the first frame.
     pub fn seen(&self) -> Option<&State> {
-        (self.past.frames > 0).then_some(&self.past.seen)
+        (self.state.frames > 0).then_some(&self.state.seen)
     }
+}
 
-    /// The state to resume from.
-    pub fn save(&self) -> serde_json::Value {
-        serde_json::to_value(&self.past).expect("plain data is JSON")
-    }
-
-    /// Restores a state of `save`.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        self.past = Past::deserialize(saved)
-            .map_err(|e| Error::Invalid(format!("the saved confidence cannot be used: {e}")))?;
-        Ok(())
+impl Validate for LossState {
+    fn validate(&self, (): &()) -> Valid {
+        ensure([self.p_lost, self.own].iter().all(|p| (0.0..=1.0).contains(p)), || {
+            format!("P(lost) is 0 to 1; it is {}, and {} by the own cues", self.p_lost, self.own)
+        })
     }
 }
 

@@ -7,8 +7,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::reference::ReferenceLikelihood;
+use crate::saved_state::{SavedState, Valid, Validate, ensure};
+use foveate_base::Result;
 use foveate_base::error::within;
-use foveate_base::{Error, Result};
 
 /// The verdict of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -52,13 +53,13 @@ pub struct ConsistencySettings {
 #[derive(Clone, Debug)]
 pub struct ConsistencyMonitor {
     settings: ConsistencySettings,
-    past: Past,
+    pub(crate) state: ConsistencyState,
 }
 
 /// What is remembered between frames.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Past {
+pub(crate) struct ConsistencyState {
     consistency: Consistency,
     /// Frames judged since the start, `settle` at most, and the sum of how far their evidence fell short of the reference.
     settled: usize,
@@ -96,19 +97,19 @@ impl ConsistencySettings {
 impl ConsistencyMonitor {
     /// A monitor that has seen nothing yet.
     pub fn new(settings: ConsistencySettings) -> Self {
-        Self { settings, past: Past::default() }
+        Self { settings, state: ConsistencyState::default() }
     }
 
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
-        self.past = Past::default();
+        self.state = ConsistencyState::default();
     }
 
     /// Judges a frame by the log evidence of a look, and by the log weights.
     pub fn judge(&mut self, evidence: f64, log_weights: &[f64], reference: ReferenceLikelihood) -> Consistency {
         let gap = (reference.on - reference.off).max(1e-9);
         let short = if evidence.is_finite() { (reference.on - evidence) / gap } else { 2.0 };
-        let m = &mut self.past;
+        let m = &mut self.state;
         if m.settled < self.settings.settle {
             m.settled += 1;
             m.shortfall += short.clamp(0.0, MOST_SHORTFALL);
@@ -129,32 +130,36 @@ impl ConsistencyMonitor {
 
     /// Judged what `other` judged, by its own threshold.
     pub fn follow(&mut self, other: &Self) {
-        self.past = other.past.clone();
-        self.past.consistency.holds = self.past.consistency.deficit <= self.settings.threshold;
+        self.state = other.state.clone();
+        self.state.consistency.holds = self.state.consistency.deficit <= self.settings.threshold;
     }
 
     /// Whether the frame of this number, judged last, is one to learn from, while the target is searched for (`lost`) or not.
     pub fn learns(&self, frame: u64, lost: bool) -> bool {
-        let Consistency { holds, deficit, .. } = self.past.consistency;
-        let turn = self.past.settled < self.settings.settle || frame.is_multiple_of(self.settings.every);
+        let Consistency { holds, deficit, .. } = self.state.consistency;
+        let turn = self.state.settled < self.settings.settle || frame.is_multiple_of(self.settings.every);
         turn && holds && !(lost && deficit > self.settings.while_lost)
     }
 
     /// The last verdict.
     pub fn last(&self) -> Consistency {
-        self.past.consistency
+        self.state.consistency
     }
 
-    /// The state to resume from.
-    pub fn save(&self) -> serde_json::Value {
-        serde_json::to_value(&self.past).expect("plain data is JSON")
-    }
-
-    /// Restores a state of `save`.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        self.past = Past::deserialize(saved)
-            .map_err(|e| Error::Invalid(format!("the saved consistency cannot be used: {e}")))?;
+    /// Restores a state that was saved.
+    pub(crate) fn load(&mut self, saved: &SavedState) -> Result<()> {
+        self.state = saved.state("consistency", &self.settings)?;
         Ok(())
+    }
+}
+
+impl Validate<ConsistencySettings> for ConsistencyState {
+    fn validate(&self, settings: &ConsistencySettings) -> Valid {
+        let Self { settled, beyond, .. } = self;
+        let fits = beyond <= settled && *settled <= settings.settle;
+        ensure(fits, || {
+            format!("{beyond} of {settled} frames are beyond the reference, of {} at most", settings.settle)
+        })
     }
 }
 
@@ -210,7 +215,7 @@ mod tests {
             let evidence = -7.0 + if t % 2 == 0 { 0.5 } else { -0.5 };
             assert!(v.judge(evidence, &peaked, REFERENCE).holds, "frame {t}");
         }
-        let resumed = v.save();
+        let resumed = SavedState::new(&v.state);
         let lost = |v: &mut ConsistencyMonitor| {
             (0..12).map(|_| v.judge(-12.0, &peaked, REFERENCE)).last().expect("twelve frames")
         };

@@ -6,12 +6,12 @@
 //! and scored again in every search. It is a proposal (`candidates.rs`), with p/q of a target that may be anywhere in
 //! the picture.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 use super::candidates::{Candidates, Draw};
 use crate::geometry::{Extent, State};
-use foveate_base::{Error, Result};
+use crate::saved_state::{Valid, Validate, ensure};
 
 mod settings;
 
@@ -124,26 +124,29 @@ impl Redetection {
         }
         states
     }
-    /// What is remembered between frames, to resume from.
-    pub fn save(&self) -> serde_json::Value {
-        let found: Vec<State> = self.candidates.found().collect();
-        serde_json::json!({ "searches": self.searches, "found": found })
+    /// Returns what is remembered between frames.
+    pub(crate) fn state(&self) -> SearchState {
+        SearchState { searches: self.searches, found: self.candidates.found().collect() }
     }
-    /// Restores a state of `save`. Fails without change if it is invalid.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        #[derive(Deserialize)]
-        struct Saved {
-            searches: u64,
-            found: Vec<State>,
-        }
-        let bad = |what: &str| Error::Invalid(format!("the saved search cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(&e.to_string()))?;
-        if saved.found.len() > self.settings.places || saved.searches > 1 << 48 {
-            return Err(bad("it has more places than this tracker keeps, or more searches than frames"));
-        }
-        self.searches = saved.searches;
-        self.candidates.resume(saved.found);
-        Ok(())
+    /// Continues from a valid state.
+    pub(crate) fn resume(&mut self, SearchState { searches, found }: SearchState) {
+        self.searches = searches;
+        self.candidates.resume(found);
+    }
+}
+
+/// What a search remembers between frames.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SearchState {
+    searches: u64,
+    found: Vec<State>,
+}
+
+impl Validate<RedetectionSettings> for SearchState {
+    fn validate(&self, settings: &RedetectionSettings) -> Valid {
+        ensure(self.found.len() <= settings.places && self.searches <= 1 << 48, || {
+            format!("it keeps {} places after {} searches", self.found.len(), self.searches)
+        })
     }
 }
 
@@ -218,7 +221,7 @@ mod tests {
         search.candidates.draw(-4.0, &mut states, &mut log_prior, &mut which, Streams::new(1, 0));
         assert_eq!(search.candidates.best(&[]).map(|(place, _)| place), Some(best));
         let mut resumed = Redetection::new(search.settings().clone());
-        resumed.load(&search.save()).expect("it was saved");
+        resumed.resume(search.state());
         for search in [&mut search, &mut resumed] {
             let n = search.places((200, 100), &seen, EXTENT).len();
             assert!(!search.candidates.states.contains(&best), "another part");
@@ -227,7 +230,8 @@ mod tests {
         assert!(!search.is_due(false, 8), "what was found is forgotten");
         let n = search.places((200, 100), &seen, EXTENT).len();
         assert!(search.recall(&vec![-20.0; n]).is_empty());
-        assert!(search.load(&serde_json::json!({ "searches": 1 })).is_err());
+        let found = vec![seen; search.settings().places + 1];
+        assert!(SearchState { searches: 1, found }.validate(search.settings()).is_err(), "more places than it keeps");
     }
 
     #[test]

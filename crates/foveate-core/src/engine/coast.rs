@@ -11,7 +11,7 @@ impl Engine {
     pub(crate) fn compensate(&mut self, flow: &Flow) {
         let filter = &mut self.parts.filter;
         if let Some(camera_motion) = &filter.camera_motion {
-            camera_motion.shift(flow, &mut filter.particles);
+            camera_motion.shift(flow, &mut filter.state.particles);
         }
     }
 

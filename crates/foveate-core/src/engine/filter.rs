@@ -6,12 +6,13 @@ use crate::control::{
     Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling,
 };
 use crate::geometry::{Covariance, Extent, State};
+use crate::saved_state::{Valid, Validate, ensure};
 use crate::scene::Scene;
 use crate::start::StartSpread;
 use foveate_base::rng::Purpose::Predict;
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// The particles, and the parts that predict, weigh, resample and redraw them.
 pub struct Filter {
@@ -25,11 +26,18 @@ pub struct Filter {
     pub(super) detection_likelihood: Option<DetectionLikelihood>,
     pub(super) redetection: Option<Redetection>,
     pub(super) local_search: Option<LocalSearch>,
-    /// xₜ⁽ⁱ⁾ and log wₜ⁽ⁱ⁾, between frames.
-    pub(super) particles: Vec<State>,
-    pub(super) log_weights: Vec<f64>,
+    pub(super) state: FilterState,
+}
+
+/// What a filter keeps between frames.
+#[derive(Serialize, Deserialize)]
+pub(super) struct FilterState {
+    /// xₜ⁽ⁱ⁾ and log wₜ⁽ⁱ⁾.
+    pub particles: Vec<State>,
+    #[serde(deserialize_with = "log_weights")]
+    pub log_weights: Vec<f64>,
     /// Set while frames without a look postpone the motion of the particles.
-    pub(super) waiting: Option<Waiting>,
+    pub waiting: Option<Waiting>,
 }
 
 foveate_base::opaque_debug!(Filter);
@@ -37,9 +45,26 @@ foveate_base::opaque_debug!(Filter);
 /// The postponed frames of motion, and the belief meanwhile.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Waiting {
-    pub frames: usize,
+    frames: usize,
     mean: State,
     covariance: Covariance,
+}
+
+/// Reads log weights: JSON has no −∞, which is null there.
+fn log_weights<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Vec<f64>, D::Error> {
+    let saved = Vec::<Option<f64>>::deserialize(from)?;
+    Ok(saved.into_iter().map(|w| w.unwrap_or(f64::NEG_INFINITY)).collect())
+}
+
+impl Validate<(&Filter, u64)> for FilterState {
+    fn validate(&self, (filter, frame): &(&Filter, u64)) -> Valid {
+        let (n, particles, weights) = (filter.state.particles.len(), self.particles.len(), self.log_weights.len());
+        ensure(particles == n && weights == n, || {
+            format!("it has {particles} particles and {weights} weights, this tracker has {n}")
+        })?;
+        let fits = |it: Waiting| it.frames as u64 <= *frame && filter.leap(false).is_some();
+        ensure(self.waiting.is_none_or(fits), || format!("its particles wait as they cannot: {:?}", self.waiting))
+    }
 }
 
 impl Filter {
@@ -59,9 +84,11 @@ impl Filter {
             detection_likelihood: None,
             redetection: None,
             local_search: None,
-            particles: vec![State::default(); n],
-            log_weights: vec![-(n as f64).ln(); n],
-            waiting: None,
+            state: FilterState {
+                particles: vec![State::default(); n],
+                log_weights: vec![-(n as f64).ln(); n],
+                waiting: None,
+            },
         })
     }
     /// Sets the proposal that predicts the particles.
@@ -101,10 +128,10 @@ impl Filter {
 
     /// Draws all particles anew around a state.
     pub(super) fn spread(&mut self, state: &State, extent: Extent, streams: Streams) {
-        self.waiting = None;
-        self.start.draw(state, extent, &mut self.particles, streams);
-        let even = -(self.particles.len() as f64).ln();
-        self.log_weights.fill(even);
+        self.state.waiting = None;
+        self.start.draw(state, extent, &mut self.state.particles, streams);
+        let even = -(self.state.particles.len() as f64).ln();
+        self.state.log_weights.fill(even);
     }
 }
 
@@ -120,11 +147,20 @@ impl Filter {
     ) -> Particles {
         self.catch_up(streams.at(t - 1, Predict)); // If the particles waited, nothing was drawn in the previous frame.
         let mut to = reuse;
-        let n = self.particles.len();
+        let n = self.state.particles.len();
         to.states.resize(n, State::default());
         to.log_importance.resize(n, 0.0);
-        self.proposal.propose(scene, &self.particles, &mut to.states, &mut to.log_importance, streams.at(t, Predict));
-        to.log_importance.iter_mut().zip(&self.log_weights).for_each(|(importance, carried)| *importance += carried);
+        self.proposal.propose(
+            scene,
+            &self.state.particles,
+            &mut to.states,
+            &mut to.log_importance,
+            streams.at(t, Predict),
+        );
+        to.log_importance
+            .iter_mut()
+            .zip(&self.state.log_weights)
+            .for_each(|(importance, carried)| *importance += carried);
         let weigh = |it: &DetectionLikelihood| it.weigh(scene.detections, &to.states, extent, &mut to.log_importance);
         to.detection_offset = self.detection_likelihood.as_ref().map_or(0.0, weigh);
         to.expected = mean(&to.states);
@@ -140,16 +176,16 @@ impl Filter {
         streams: Streams,
         mut ancestors: Vec<usize>,
     ) -> Vec<usize> {
-        let n = self.particles.len();
+        let n = self.state.particles.len();
         ancestors.resize(n, 0);
         if self.resampling.is_due(estimate.ess, n) {
             self.resampling.select(&belief.weights, &mut ancestors, &mut streams.rng(0));
-            self.log_weights.fill(-(n as f64).ln());
+            self.state.log_weights.fill(-(n as f64).ln());
         } else {
             ancestors.iter_mut().enumerate().for_each(|(i, a)| *a = i);
-            self.log_weights.iter_mut().zip(&belief.weights).for_each(|(carried, weight)| *carried = weight.ln());
+            self.state.log_weights.iter_mut().zip(&belief.weights).for_each(|(carried, weight)| *carried = weight.ln());
         }
-        self.particles.iter_mut().zip(&ancestors).for_each(|(particle, a)| *particle = belief.states[*a]);
+        self.state.particles.iter_mut().zip(&ancestors).for_each(|(particle, a)| *particle = belief.states[*a]);
         ancestors
     }
 
@@ -161,22 +197,22 @@ impl Filter {
 
     /// Returns mean and covariance after a frame of this motion; the particles do not move yet.
     pub(super) fn wait(&mut self, leap: &Leap) -> (State, Covariance) {
-        let mut waiting = self.waiting.unwrap_or_else(|| {
-            let weights: Vec<f64> = self.log_weights.iter().map(|w| w.exp()).collect();
-            let belief = Belief { states: &self.particles, weights: &weights };
+        let mut waiting = self.state.waiting.unwrap_or_else(|| {
+            let weights: Vec<f64> = self.state.log_weights.iter().map(|w| w.exp()).collect();
+            let belief = Belief { states: &self.state.particles, weights: &weights };
             Waiting { frames: 0, mean: belief.mean(), covariance: belief.covariance() }
         });
         waiting.frames += 1;
         leap.spread(&mut waiting.mean, &mut waiting.covariance);
-        self.waiting = Some(waiting);
+        self.state.waiting = Some(waiting);
         (waiting.mean, waiting.covariance)
     }
 
     /// Applies the postponed motion to the particles, up to the frame before this one.
     fn catch_up(&mut self, streams: Streams) {
-        let Some(waiting) = self.waiting.take() else { return };
+        let Some(waiting) = self.state.waiting.take() else { return };
         let leap = self.proposal.over(waiting.frames).expect("it had one when they began to wait");
-        for (i, particles) in self.particles.chunks_mut(CHUNK).enumerate() {
+        for (i, particles) in self.state.particles.chunks_mut(CHUNK).enumerate() {
             leap.draw(particles, &mut streams.rng(i as u64));
         }
     }

@@ -131,7 +131,7 @@ fn a_lost_second_tracker_restarts_at_a_sure_first() {
         look(&mut Toy::at(50.0), 1.0, |view| {
             second::follow(Some(&mut second), view, &estimate(80.0), &verdict, (lost, false));
         });
-        let x = second.parts.filter.particles.iter().map(|particle| particle.x).sum::<f64>() / 50.0;
+        let x = second.parts.filter.state.particles.iter().map(|particle| particle.x).sum::<f64>() / 50.0;
         assert_eq!((x - 80.0).abs() < 2.0, led, "own P(lost) {own}, lost {lost}: at column {x}");
         assert!(!(led && second.context.lost), "it is not lost until frames say so");
     }
@@ -343,7 +343,7 @@ fn selection_waits_for_a_small_sample_size() {
         let belief =
             Particles { states: [1.0, 2.0, 3.0].map(state).into(), weights: weights.into(), ..Default::default() };
         filter.select(&belief, &belief.estimate(), Streams::new(1, 0), vec![]);
-        close(filter.log_weights[0].exp(), if selects { 1.0 / 3.0 } else { weights[0] });
+        close(filter.state.log_weights[0].exp(), if selects { 1.0 / 3.0 } else { weights[0] });
     }
 }
 

@@ -1,8 +1,8 @@
 //! Policies without learning (section 4.1), as baselines.
 
-use super::{Context, Plan, Policy, PolicySnapshot, misfit};
+use super::{Context, Plan, Policy, PolicySnapshot};
 use crate::geometry::Gaze;
-use crate::saved_state::SavedState;
+use crate::saved_state::{SavedState, Valid, Validate, ensure};
 use foveate_base::Result;
 use foveate_base::rng::Rng;
 use rand::RngExt;
@@ -89,6 +89,12 @@ struct Turn {
     turn: usize,
 }
 
+impl Validate<[Gaze]> for Turn {
+    fn validate(&self, gazes: &[Gaze]) -> Valid {
+        ensure(self.turn < gazes.len(), || format!("expected a turn among {} gazes, found {}", gazes.len(), self.turn))
+    }
+}
+
 impl Policy for Circular {
     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         plan.only(self.gazes[self.turn]);
@@ -103,11 +109,7 @@ impl Policy for Circular {
         SavedState::new(&Turn { turn: self.turn })
     }
     fn load(&mut self, saved: &SavedState) -> Result<()> {
-        let Turn { turn } = saved
-            .read()
-            .ok()
-            .filter(|it: &Turn| it.turn < self.gazes.len())
-            .ok_or_else(|| misfit(&format!("a turn among {} gazes", self.gazes.len()), saved))?;
+        let Turn { turn } = saved.state("policy", &self.gazes[..])?;
         self.turn_to(turn);
         Ok(())
     }

@@ -8,13 +8,13 @@
 //! Deviation: the paper's policies choose anew in every frame. The discriminant ([`Discriminant`](crate::identity::Discriminant)) learns
 //! one place of the template, so a moving gaze cannot use it.
 
-use super::gains::Gains;
-use super::{Context, Plan, Policy, PolicySnapshot, Schedule, misfit};
+use super::gains::{Gains, GainsState};
+use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
 use crate::geometry::Gaze;
 use crate::saved_state::SavedState;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
-use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 /// Scores all gazes for a number of frames, then uses the best of them, and scores all again in every n-th frame.
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ impl ExploreThenCommit {
     }
     /// Returns the gaze with the largest reward; among equal ones the one nearest to the centre.
     fn best(&self) -> usize {
-        let Gains { gazes, gain, .. } = &self.gains;
+        let Gains { gazes, state: GainsState { gain, .. }, .. } = &self.gains;
         let better =
             |a: &usize, b: &usize| gain[*a].total_cmp(&gain[*b]).then(far(&gazes[*b]).total_cmp(&far(&gazes[*a])));
         (0..gazes.len()).max_by(better).expect("one gaze at least")
@@ -59,13 +59,6 @@ fn far(gaze: &Gaze) -> f64 {
     gaze.u.hypot(gaze.v)
 }
 
-/// The saved state of [`ExploreThenCommit`].
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    gains: SavedState,
-    t: u64,
-}
-
 impl Policy for ExploreThenCommit {
     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         let gazes = &self.gains.gazes;
@@ -81,7 +74,7 @@ impl Policy for ExploreThenCommit {
         let explored = self.explores();
         self.t = self.t.saturating_add(1);
         if explored {
-            let gain = &mut self.gains.gain;
+            let gain = &mut self.gains.state.gain;
             assert_eq!(rewards.len(), gain.len(), "one reward for each gaze");
             gain.iter_mut().zip(rewards).for_each(|(gain, reward)| *gain += reward);
             self.gains.count();
@@ -95,12 +88,10 @@ impl Policy for ExploreThenCommit {
         PolicySnapshot::Arms { gazes: &self.gains.gazes, probabilities: &self.gains.p }
     }
     fn save(&self) -> SavedState {
-        SavedState::new(&Saved { gains: self.gains.save(), t: self.t })
+        SavedState::new(&json!({ "gains": self.gains.state, "t": self.t }))
     }
     fn load(&mut self, saved: &SavedState) -> Result<()> {
-        let Saved { gains, t } = saved.read().map_err(|_| misfit("gains and a number of frames", saved))?;
-        self.gains.load(&gains)?;
-        self.t = t;
+        (self.gains.state, self.t) = (saved.part_state("gains", &self.gains)?, saved.part_read("t")?);
         self.weigh();
         Ok(())
     }

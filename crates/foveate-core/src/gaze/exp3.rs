@@ -13,7 +13,7 @@
 //! T K ln K) + (√(2 T K / ln K) + 1) ln(2/δ) with probability 1 − δ. `Sharing` competes with the best sequence of gazes that changes
 //! occasionally.
 
-use super::gains::{Gains, draw};
+use super::gains::{Gains, GainsState, draw};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
 use crate::geometry::Gaze;
 use crate::saved_state::SavedState;
@@ -126,7 +126,7 @@ impl Policy for Exp3 {
         let (&[gaze], &[reward]) = (plan.gazes(), rewards) else { panic!("EXP3 learns from the one gaze it planned") };
         let drawn = self.gains.gazes.iter().position(|&g| g == gaze).expect("EXP3 plays only the gazes it was given");
         let (gamma, eta) = self.rates();
-        let Gains { gain, p, .. } = &mut self.gains;
+        let Gains { state: GainsState { gain, .. }, p, .. } = &mut self.gains;
         match self.variant {
             Variant::Unbiased => gain[drawn] += reward / self.mixed[drawn],
             Variant::AsPrinted => gain[drawn] += reward / p[drawn].max(LEAST),
@@ -150,10 +150,10 @@ impl Policy for Exp3 {
         PolicySnapshot::Arms { gazes: &self.gains.gazes, probabilities: &self.mixed }
     }
     fn save(&self) -> SavedState {
-        self.gains.save()
+        SavedState::new(&self.gains.state)
     }
     fn load(&mut self, saved: &SavedState) -> Result<()> {
-        self.gains.load(saved)?;
+        self.gains.state = saved.state("policy", &self.gains)?;
         self.weigh();
         Ok(())
     }

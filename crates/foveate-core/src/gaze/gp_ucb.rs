@@ -11,16 +11,16 @@
 
 use super::bayes::Bayes;
 use super::prior::Prior;
-use super::{Context, Expectation, Plan, Policy, PolicySnapshot, Surface, misfit};
+use super::{Context, Expectation, Plan, Policy, PolicySnapshot, Surface};
 use crate::geometry::Gaze;
-use crate::saved_state::SavedState;
+use crate::saved_state::{SavedState, Valid, Validate};
 use foveate_base::Result;
 use foveate_base::rng::Rng;
 use foveate_gp::direct::{Direct, Form};
 use foveate_gp::{Gp, Priors, Saved};
 use rand::RngExt;
-use serde::Deserialize;
-use serde_json::json;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// The GP-UCB policy.
@@ -103,6 +103,28 @@ impl GpUcb {
     }
 }
 
+/// The saved state of [`GpUcb`].
+#[derive(Serialize, Deserialize)]
+struct Memory<'a> {
+    seen: u64,
+    poor: bool,
+    rewards: Cow<'a, [f64]>,
+    process: Saved<2>,
+    prior: Cow<'a, Prior>,
+}
+
+impl Validate<Bayes> for Memory<'_> {
+    fn validate(&self, settings: &Bayes) -> Valid {
+        let (n, points) = (self.rewards.len(), &self.process.points);
+        let inside = |x: &f64| x.abs() <= settings.reach;
+        let frames = (n as u64..=1 << 48).contains(&self.seen);
+        match frames && points.len() == n && points.as_flattened().iter().all(inside) {
+            true => self.prior.validate(&()),
+            false => Err(format!("it is not what gp-ucb learned from {} rewards at most", settings.window)),
+        }
+    }
+}
+
 impl Policy for GpUcb {
     fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng) {
         let s = &self.settings;
@@ -148,38 +170,17 @@ impl Policy for GpUcb {
         PolicySnapshot::Surface(self)
     }
     fn save(&self) -> SavedState {
-        SavedState::new(&json!({ "seen": self.seen, "poor": self.poor, "rewards": self.rewards,
-            "process": self.process.save(), "prior": self.prior.values() }))
+        let (rewards, prior) = (Cow::Borrowed(&self.rewards[..]), Cow::Borrowed(&self.prior));
+        SavedState::new(&Memory { seen: self.seen, poor: self.poor, rewards, process: self.process.save(), prior })
     }
     fn load(&mut self, saved: &SavedState) -> Result<()> {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Memory {
-            seen: u64,
-            poor: bool,
-            rewards: Vec<f64>,
-            process: Saved<2>,
-            #[serde(default)]
-            prior: Vec<f64>,
-        }
-        let wrong = || misfit(&format!("what gp-ucb learned from {} rewards at most", self.settings.window), saved);
-        let memory: Memory = saved.read().map_err(|_| wrong())?;
-        let inside = |x: &f64| x.abs() <= self.settings.reach;
-        let fits = memory.rewards.len() == memory.process.points.len()
-            && memory.seen >= memory.rewards.len() as u64
-            && memory.seen <= 1 << 48
-            && memory.process.points.as_flattened().iter().all(inside);
-        if !fits {
-            return Err(wrong());
-        }
-        let prior = Prior::from_values(memory.prior).ok_or_else(wrong)?;
-        self.process.restore(&memory.process).map_err(|_| wrong())?;
-        self.prior = prior;
+        let Memory { seen, poor, rewards, process, prior } = saved.state("policy", &self.settings)?;
+        self.process.restore(&process)?;
+        (self.seen, self.poor, self.prior) = (seen, poor, prior.into_owned());
         self.fixations.clear();
-        self.fixations.extend(memory.process.points.iter().map(|&[u, v]| Gaze { u, v, arm: None }));
-        (self.seen, self.poor) = (memory.seen, memory.poor);
+        self.fixations.extend(process.points.iter().map(|&[u, v]| Gaze { u, v, arm: None }));
         self.rewards.clear();
-        self.rewards.extend(memory.rewards);
+        self.rewards.extend_from_slice(&rewards);
         Ok(())
     }
     fn reset(&mut self) {

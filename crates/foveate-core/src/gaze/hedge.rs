@@ -4,7 +4,7 @@
 //! ln K / T) the expected reward over T frames lies within √(T ln K / 2) of that of the best single gaze, for any rewards (Cesa-Bianchi &
 //! Lugosi 2006, theorem 2.2).
 
-use super::gains::{Gains, draw};
+use super::gains::{Gains, GainsState, draw};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
 use crate::geometry::Gaze;
 use crate::saved_state::SavedState;
@@ -53,7 +53,7 @@ impl Policy for Hedge {
         plan.all(&self.gains.gazes, draw(&self.gains.p, rng));
     }
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
-        let Gains { gazes, gain, .. } = &mut self.gains;
+        let Gains { gazes, state: GainsState { gain, .. }, .. } = &mut self.gains;
         assert_eq!(plan.gazes(), &gazes[..], "Hedge learns from the plan it made: all its gazes, in their order");
         assert_eq!(rewards.len(), gain.len(), "one reward for each gaze");
         for (gain, reward) in gain.iter_mut().zip(rewards) {
@@ -66,10 +66,10 @@ impl Policy for Hedge {
         PolicySnapshot::Arms { gazes: &self.gains.gazes, probabilities: &self.gains.p }
     }
     fn save(&self) -> SavedState {
-        self.gains.save()
+        SavedState::new(&self.gains.state)
     }
     fn load(&mut self, saved: &SavedState) -> Result<()> {
-        self.gains.load(saved)?;
+        self.gains.state = saved.state("policy", &self.gains)?;
         self.weigh();
         Ok(())
     }

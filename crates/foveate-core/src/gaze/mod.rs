@@ -54,9 +54,9 @@ pub use self::schedule::Schedule;
 pub use self::shadow::Shadow;
 
 use crate::geometry::Gaze;
-use crate::saved_state::SavedState;
+use crate::saved_state::{SavedState, refused};
+use foveate_base::Result;
 use foveate_base::rng::Rng;
-use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// The gazes of one frame: each is scored, the used ones move the belief, and one is the policy's own choice.
@@ -231,7 +231,7 @@ pub trait Policy: Send + Sync {
     /// Restores a state that `save` returned for a policy with the same settings. If the state does not fit, this fails and changes
     /// nothing.
     fn load(&mut self, saved: &SavedState) -> Result<()> {
-        if saved.is_empty() { Ok(()) } else { Err(misfit("nothing, for this policy learns nothing", saved)) }
+        if saved.is_empty() { Ok(()) } else { Err(refused("policy", "this policy learns nothing")) }
     }
     /// Resets everything that was learned.
     fn reset(&mut self) {}
@@ -242,12 +242,4 @@ pub trait Policy: Send + Sync {
     /// Sets the prior after `reset`, on the picture in which the target is given. `worth` computes the value of a gaze, 0 to 1, of the kind
     /// of [`Policy::expectation`]; a call takes as long as a look.
     fn init_prior(&mut self, _worth: &mut dyn FnMut(Gaze) -> f64) {}
-}
-
-/// The error for a saved state that does not fit.
-fn misfit(expected: &str, found: &SavedState) -> Error {
-    let found: String = found.to_string().chars().take(80).collect();
-    Error::Invalid(format!(
-        "saved policy: expected {expected}, found {found}; load a state that was saved with the same policy and settings"
-    ))
 }

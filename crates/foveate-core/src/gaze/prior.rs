@@ -1,17 +1,29 @@
 //! The prior mean of a gaze's reward: saliency, which the paper's last section proposes, or a rehearsal on the first picture.
 
 use crate::geometry::Gaze;
+use crate::saved_state::{Valid, Validate, ensure};
 use foveate_base::rng::Rng;
 use rand::RngExt;
+use serde::{Deserialize, Serialize};
 
 /// Gazes along a side of the square at which the prior is evaluated.
 const SIDE: usize = 15;
 
 /// Saliency or rehearsal over the square of gazes, with mean 0 and deviation 1; or no prior.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
 pub(super) struct Prior {
     /// Row by row from −reach to reach; empty for a prior of 0 everywhere.
     values: Vec<f64>,
+}
+
+impl Validate for Prior {
+    fn validate(&self, (): &()) -> Valid {
+        ensure(
+            [0, SIDE * SIDE].contains(&self.values.len()) && self.values.iter().all(|v| v.abs() <= SIDE as f64),
+            || format!("its prior is not {} standardised values", SIDE * SIDE),
+        )
+    }
 }
 
 impl Prior {
@@ -26,15 +38,6 @@ impl Prior {
             true => Self { values: values.iter().map(|v| (v - mean) / deviation).collect() },
             false => Self::default(),
         }
-    }
-    /// Restores saved values; `None` if their number does not fit.
-    pub(super) fn from_values(values: Vec<f64>) -> Option<Self> {
-        let fits = values.is_empty() || values.len() == SIDE * SIDE;
-        (fits && values.iter().all(|v| v.abs() <= SIDE as f64)).then_some(Self { values })
-    }
-    /// Returns the values to save.
-    pub(super) fn values(&self) -> &[f64] {
-        &self.values
     }
     /// Returns the prior at (u, v) of a square of half side `reach`, interpolated between the evaluated gazes.
     pub(super) fn at(&self, reach: f64, u: f64, v: f64) -> f64 {
@@ -116,10 +119,9 @@ mod tests {
     }
 
     #[test]
-    fn saved_values_load_unchanged() {
-        let prior = Prior::of(0.5, &mut |gaze| gaze.u * gaze.v);
-        assert_eq!(Prior::from_values(prior.values().to_vec()), Some(prior));
-        assert_eq!(Prior::from_values(vec![0.0; 7]), None);
-        assert_eq!(Prior::from_values(vec![f64::NAN; SIDE * SIDE]), None);
+    fn values_that_no_prior_has_are_refused() {
+        assert_eq!(Prior::of(0.5, &mut |gaze| gaze.u * gaze.v).validate(&()), Ok(()));
+        assert!(Prior { values: vec![0.0; 7] }.validate(&()).is_err());
+        assert!(Prior { values: vec![f64::NAN; SIDE * SIDE] }.validate(&()).is_err());
     }
 }

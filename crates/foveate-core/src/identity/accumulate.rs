@@ -4,10 +4,10 @@
 //! most likely one. A sum of log-probabilities also uses the certainty of each frame, and is better with calibrated
 //! probabilities.
 
+use crate::saved_state::{Valid, Validate, ensure};
 use foveate_base::{Error, Result};
 use foveate_kernels::{exp_from, largest_finite};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 /// Accumulation over frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -29,7 +29,7 @@ pub enum Accumulate {
 const MOST: f64 = 1e4;
 
 /// Accumulated evidence for each class.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Accumulator {
     rule: Accumulate,
     /// Nats, or frames for `Count`.
@@ -83,31 +83,20 @@ impl Accumulator {
             }
         }
     }
-    fn could_be(&self, evidence: f64) -> bool {
-        evidence.abs() < 1e18 && (self.rule != Accumulate::Count || evidence >= 0.0)
-    }
     /// Forgets all frames.
     pub fn reset(&mut self) {
         self.evidence.fill(0.0);
     }
-    /// All that was taken in.
-    pub fn save(&self) -> Value {
-        Value::from(self.evidence.clone())
-    }
-    /// Restores a state of `save`. Fails without change if it does not fit.
-    pub fn load(&mut self, saved: &Value) -> Result<()> {
-        match Vec::<f64>::deserialize(saved) {
-            Ok(evidence) if evidence.len() == self.evidence.len() && evidence.iter().all(|e| self.could_be(*e)) => {
-                self.evidence = evidence;
-            }
-            _ => {
-                let n = self.evidence.len();
-                return Err(Error::Invalid(format!(
-                    "the saved evidence is not of {n} classes; use the same recogniser"
-                )));
-            }
-        }
-        Ok(())
+}
+
+impl Validate<Self> for Accumulator {
+    /// The settings are an accumulator of the same rule and classes.
+    fn validate(&self, of: &Self) -> Valid {
+        let n = of.evidence.len();
+        let sane = |evidence: &f64| evidence.abs() < 1e18 && (self.rule != Accumulate::Count || *evidence >= 0.0);
+        ensure(self.rule == of.rule && self.evidence.len() == n && self.evidence.iter().all(sane), || {
+            format!("it is not of {n} classes; use the same recogniser")
+        })
     }
 }
 
@@ -119,6 +108,7 @@ pub fn likeliest(values: &[f64]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::saved_state::SavedState;
 
     /// Three frames of three classes.
     const FRAMES: [[f64; 3]; 3] = [[0.7, 0.2, 0.1], [0.5, 0.3, 0.2], [0.1, 0.8, 0.1]];
@@ -126,8 +116,8 @@ mod tests {
     fn after(rule: Accumulate, frames: &[[f64; 3]]) -> [f64; 3] {
         let mut all = Accumulator::new(rule, 3).expect("three classes");
         frames.iter().for_each(|p| all.add(&p.map(f64::ln)));
-        let mut again = Accumulator::new(rule, 3).expect("three classes");
-        again.load(&all.save()).expect("what was saved fits");
+        let fresh = Accumulator::new(rule, 3).expect("three classes");
+        let again: Accumulator = SavedState::new(&all).state("evidence", &fresh).expect("what was saved fits");
         assert_eq!(again, all);
         let mut p = [0.0; 3];
         all.posterior(&mut p);
@@ -167,8 +157,8 @@ mod tests {
             same(after(rule, &[]), [1.0; 3]);
         }
         same(after(Accumulate::Sum, &[[1.0, 0.0, 0.0], [0.5, 0.5, 0.0]]), [1.0, 0.0, 0.0]);
-        let mut some = Accumulator::new(Accumulate::Sum, 3).expect("three classes");
-        assert!(some.load(&Value::from(vec![1.0])).is_err() && some.load(&Value::Null).is_err());
+        let [three, two] = [3, 2].map(|n| Accumulator::new(Accumulate::Sum, n).expect("classes"));
+        assert!(two.validate(&three).is_err());
         assert!(Accumulator::new(Accumulate::Forgetting { memory: 0.5 }, 3).is_err());
         assert!(Accumulator::new(Accumulate::Sum, 1).is_err());
     }

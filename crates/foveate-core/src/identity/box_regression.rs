@@ -27,6 +27,7 @@ use self::glimpse::Glimpse;
 use self::network::{Scratch, Template};
 use super::numbers;
 use crate::geometry::{Extent, State};
+use crate::saved_state::{Valid, Validate, ensure};
 use crate::scene::{Image, Meter};
 use foveate_base::error::within;
 use foveate_base::files::Files;
@@ -92,7 +93,7 @@ pub struct BoxRegression {
     network: Arc<Network>,
     settings: Settings,
     template: Option<Template>,
-    said: Said,
+    pub(crate) state: BoxState,
     glimpse: Glimpse,
     scratch: Scratch,
 }
@@ -106,25 +107,40 @@ struct Said {
     mean: [f64; 3],
 }
 
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    /// Its features, encoded.
-    template: String,
+/// What a box regression keeps between frames.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(crate) struct BoxState {
+    /// The features of the target's own picture; empty without a target.
+    #[serde(with = "numbers::floats")]
+    template: Vec<f32>,
     said: Said,
+}
+
+impl Validate<bool> for BoxState {
+    /// The setting is whether there is a target.
+    fn validate(&self, has_target: &bool) -> Valid {
+        let Self { template, said } = self;
+        let expected = if *has_target { network::KEPT } else { 0 };
+        if template.len() != expected || template.iter().any(|x| x.abs() > MOST) {
+            return Err(format!("its template is not {expected} features"));
+        }
+        ensure(said.mean.iter().all(|x| x.abs() <= FARTHEST) && said.frames <= MOST_FRAMES, || {
+            format!("it moves the box by {:?} after {} frames", said.mean, said.frames)
+        })
+    }
 }
 
 impl BoxRegression {
     /// Of a network.
     pub fn new(network: Arc<Network>, settings: Settings) -> Self {
-        let (glimpse, scratch) = Default::default();
-        Self { network, settings, template: None, said: Said::default(), glimpse, scratch }
+        let (state, glimpse, scratch) = Default::default();
+        Self { network, settings, template: None, state, glimpse, scratch }
     }
 
     /// Sets the template to the content of this box.
     pub fn imprint(&mut self, image: &Image, state: &State, extent: Extent) {
         self.look(image, state, extent);
-        self.template = Some(self.network.template(self.scratch.features()));
-        self.said = Said::default();
+        self.resume(BoxState { template: self.scratch.features().to_vec(), said: Said::default() });
         self.glimpse.read = None;
     }
 
@@ -137,7 +153,7 @@ impl BoxRegression {
 
     /// Whether it looks in this frame.
     pub fn is_due(&self) -> bool {
-        self.said.frames.is_multiple_of(self.settings.every as u64)
+        self.state.said.frames.is_multiple_of(self.settings.every as u64)
     }
 
     /// The reported state for this estimate; call it once a frame. `answer` is the network's prediction, if already
@@ -152,12 +168,12 @@ impl BoxRegression {
             let said = [u, v, log_scale].map(|x| {
                 if x.is_finite() && there.is_finite() { there * f64::from(x).clamp(-FARTHEST, FARTHEST) } else { 0.0 }
             });
-            for (mean, said) in self.said.mean.iter_mut().zip(said) {
+            for (mean, said) in self.state.said.mean.iter_mut().zip(said) {
                 *mean += rate * (said - *mean);
             }
         }
-        self.said.frames += 1;
-        let ([u, v, log_scale], (half_w, half_h)) = (self.said.mean.map(|x| gain * x), state.half(extent));
+        self.state.said.frames += 1;
+        let ([u, v, log_scale], (half_w, half_h)) = (self.state.said.mean.map(|x| gain * x), state.half(extent));
         State { x: state.x + u * half_w, y: state.y + v * half_h, log_scale: state.log_scale + log_scale, ..*state }
     }
 
@@ -168,32 +184,10 @@ impl BoxRegression {
         }
     }
 
-    /// The template and the running means, as plain data; `None` without a template.
-    pub(crate) fn save(&self) -> Option<serde_json::Value> {
-        let template = numbers::encode(&self.template.as_ref()?.features);
-        Some(serde_json::to_value(Saved { template, said: self.said }).expect("plain data is JSON"))
-    }
-
-    /// Takes up what `save` gave.
-    ///
-    /// # Errors
-    /// Where it is not that.
-    pub(crate) fn load(&mut self, saved: Option<&serde_json::Value>) -> Result<()> {
-        let Some(saved) = saved else {
-            (self.template, self.said) = Default::default();
-            return Ok(());
-        };
-        let bad =
-            |what: String| Error::Invalid(format!("the saved tracker cannot be used: its box regression: {what}"));
-        let Saved { template, said } = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        let whole = |features: &Vec<f32>| features.len() == network::KEPT && features.iter().all(|x| x.abs() <= MOST);
-        let features = numbers::decode(&template).filter(whole);
-        let features = features.ok_or_else(|| bad(format!("what it is to find is not {} features", network::KEPT)))?;
-        if said.mean.iter().any(|x| x.abs() > FARTHEST) || said.frames > MOST_FRAMES {
-            return Err(bad(format!("it moves the box by {:?} after {} frames", said.mean, said.frames)));
-        }
-        (self.template, self.said) = (Some(self.network.template(&features)), said);
-        Ok(())
+    /// Continues from a valid state.
+    pub(crate) fn resume(&mut self, state: BoxState) {
+        self.template = (!state.template.is_empty()).then(|| self.network.template(&state.template));
+        self.state = state;
     }
 
     /// Frees buffers that are not needed until the next evaluation.

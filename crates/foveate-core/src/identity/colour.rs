@@ -15,11 +15,12 @@ use serde::{Deserialize, Serialize};
 
 pub(super) use super::integral::step;
 use super::integral::{Bins, COLOUR, GREY, Integral, parts};
-use super::numbers::{decode, encode};
+use super::numbers::floats;
 use crate::geometry::{Extent, State};
+use crate::saved_state::{Valid, Validate, ensure};
 use crate::scene::Image;
+use foveate_base::Result;
 use foveate_base::error::within;
-use foveate_base::{Error, Result};
 
 /// Settings of the colour model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,22 +73,42 @@ const EMPTY: f32 = 1e-4;
 const RANGE: (f64, f64) = (-0.2, 1.2);
 
 /// Shares of the bins in the target and in its surroundings.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Histograms {
+    #[serde(with = "floats")]
     target: Vec<f32>,
+    #[serde(with = "floats")]
     around: Vec<f32>,
+}
+
+/// What a colour model has learned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct ColourState {
+    first: Histograms,
+    recent: Histograms,
+    contrast: f64,
+}
+
+impl Validate for ColourState {
+    fn validate(&self, (): &()) -> Valid {
+        let Self { first, recent, contrast } = self;
+        let bins = first.target.len();
+        let sane = |h: &Vec<f32>| h.len() == bins && h.iter().all(|x| (0.0..=1.0).contains(x));
+        let all = [&first.target, &first.around, &recent.target, &recent.around];
+        ensure([GREY, COLOUR].contains(&bins) && all.into_iter().all(sane) && (LEAST..=1.0).contains(contrast), || {
+            "its histograms are not four of one length, or its contrast is out of range".into()
+        })
+    }
 }
 
 /// The colour model of one target.
 #[derive(Clone, Debug)]
 pub struct Colour {
     settings: Settings,
-    first: Histograms,
-    recent: Histograms,
+    pub(super) state: ColourState,
     probability: Vec<f32>,
     /// The same as [`Integral`] sums it.
     parts: Vec<u16>,
-    contrast: f64,
     pub(super) counts: Counts,
 }
 
@@ -105,11 +126,9 @@ impl Colour {
     pub fn new(settings: Settings) -> Self {
         Self {
             settings,
-            first: Histograms::default(),
-            recent: Histograms::default(),
+            state: ColourState { first: Histograms::default(), recent: Histograms::default(), contrast: LEAST },
             probability: vec![],
             parts: vec![],
-            contrast: LEAST,
             counts: Counts::default(),
         }
     }
@@ -122,18 +141,18 @@ impl Colour {
     /// Resets the model to the target at `state` of the first frame.
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
         self.counts.count(image, state, extent);
-        self.first.clone_from(&self.counts.now);
+        self.state.first.clone_from(&self.counts.now);
         self.restart();
         let mut sums = Integral::default();
         let (w, h) = state.half(extent);
         let (step, w, h) = (step(w.min(h)), RING * w, RING * h);
         self.sum_up(image, [state.x - w, state.y - h, state.x + w, state.y + h], step, &mut sums);
-        self.contrast = contrast(&sums, state, extent).max(LEAST);
+        self.state.contrast = contrast(&sums, state, extent).max(LEAST);
     }
 
     /// Learns from the target at `state` of a later frame.
     pub fn adapt(&mut self, image: &Image, state: &State, extent: Extent) {
-        let Self { counts, settings, recent, .. } = self;
+        let Self { counts, settings, state: ColourState { recent, .. }, .. } = self;
         counts.count(image, state, extent);
         let now = &counts.now;
         let rate = settings.learning_rate as f32;
@@ -145,7 +164,7 @@ impl Colour {
 
     /// Forgets all that was learned since the first frame.
     pub(super) fn restart(&mut self) {
-        self.recent.clone_from(&self.first);
+        self.state.recent.clone_from(&self.state.first);
         self.judge();
     }
 
@@ -161,19 +180,19 @@ impl Colour {
 
     /// What the contrast of frame 1 makes of the cue, 0 to 1.
     pub fn trust(&self) -> f64 {
-        (self.contrast / FULL).min(1.0)
+        (self.state.contrast / FULL).min(1.0)
     }
 
     /// The distance of a state with these sums: 0 at the contrast of frame 1, 1 without contrast.
     pub(super) fn distance(&self, sums: &Integral, state: &State, extent: Extent) -> f64 {
-        1.0 - (contrast(sums, state, extent) / self.contrast).clamp(RANGE.0, RANGE.1)
+        1.0 - (contrast(sums, state, extent) / self.state.contrast).clamp(RANGE.0, RANGE.1)
     }
 
     /// p(target | bin) of all bins.
     fn judge(&mut self) {
         let share = self.settings.first_frame_weight as f32;
         let mixed = |first: f32, recent: f32| share * first + (1.0 - share) * recent;
-        let Self { first, recent, probability, .. } = self;
+        let Self { state: ColourState { first, recent, .. }, probability, .. } = self;
         let target = first.target.iter().zip(&recent.target).map(|(a, b)| mixed(*a, *b));
         let around = first.around.iter().zip(&recent.around).map(|(a, b)| mixed(*a, *b));
         probability.clear();
@@ -181,33 +200,10 @@ impl Colour {
         parts(&self.probability, &mut self.parts);
     }
 
-    /// All that was learned.
-    pub fn save(&self) -> serde_json::Value {
-        let Histograms { target, around } = &self.first;
-        let numbers = [target, around, &self.recent.target, &self.recent.around].map(|h| encode(h));
-        serde_json::json!({ "contrast": self.contrast, "histograms": numbers })
-    }
-
-    /// Restores a state of `save`. Fails without change if it is invalid.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        let bad = |what: &str| Error::Invalid(format!("the saved colours cannot be used: {what}"));
-        #[derive(Deserialize)]
-        struct Saved {
-            contrast: f64,
-            histograms: [String; 4],
-        }
-        let saved = Saved::deserialize(saved).map_err(|e| bad(&e.to_string()))?;
-        let sane = |h: &Vec<f32>| [GREY, COLOUR].contains(&h.len()) && h.iter().all(|x| (0.0..=1.0).contains(x));
-        let [a, b, c, d] = saved.histograms.map(|text| decode(&text).filter(sane));
-        let (Some(a), Some(b), Some(c), Some(d)) = (a, b, c, d) else { return Err(bad("it has no four histograms")) };
-        if [&b, &c, &d].iter().any(|h| h.len() != a.len()) || !(LEAST..=1.0).contains(&saved.contrast) {
-            return Err(bad("its histograms differ in length, or its contrast is out of range"));
-        }
-        self.first = Histograms { target: a, around: b };
-        self.recent = Histograms { target: c, around: d };
-        self.contrast = saved.contrast;
+    /// Continues from a valid state.
+    pub(super) fn resume(&mut self, state: ColourState) {
+        self.state = state;
         self.judge();
-        Ok(())
     }
 }
 
@@ -289,6 +285,7 @@ impl Zone {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::saved_state::SavedState;
 
     const EXTENT: Extent = Extent { half_w: 8.0, half_h: 12.0 };
     const TARGET: State = State { x: 40.0, y: 30.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0, log_aspect: 0.0 };
@@ -312,7 +309,7 @@ mod tests {
     #[test]
     fn the_target_is_near_and_other_places_are_far() {
         let mut it = colour(Settings::default());
-        assert!(it.contrast > 0.8 && it.weight() == 0.15, "{}", it.contrast);
+        assert!(it.state.contrast > 0.8 && it.weight() == 0.15, "{}", it.state.contrast);
         let moved = picture(60.0);
         let at = |x: f64, log_scale: f64| State { x, log_scale, ..TARGET };
         let places = [at(60.0, 0.0), at(40.0, 0.0), at(55.0, 0.0), at(60.0, 0.4), at(60.0, -0.4)];
@@ -337,28 +334,31 @@ mod tests {
         let mut it = colour(settings);
         let blue = Image::from_rgb8(96, 64, &[10, 20, 230].repeat(96 * 64)).expect("enough bytes");
         let bin = usize::from(Bins::default().of(&blue, 0, 0..1)[0]);
-        let before = it.recent.target[bin];
+        let before = it.state.recent.target[bin];
         it.adapt(&blue, &TARGET, EXTENT);
-        assert_eq!((before, it.recent.target[bin]), (0.0, 0.5));
+        assert_eq!((before, it.state.recent.target[bin]), (0.0, 0.5));
         it.restart();
         let fresh = colour(settings);
-        assert_eq!((&it.recent, &it.probability, &it.parts), (&fresh.recent, &fresh.probability, &fresh.parts));
+        assert_eq!(
+            (&it.state.recent, &it.probability, &it.parts),
+            (&fresh.state.recent, &fresh.probability, &fresh.parts)
+        );
     }
 
     #[test]
     fn what_is_saved_goes_on_and_damage_is_refused() {
         let mut it = colour(Settings::default());
         it.adapt(&picture(42.0), &State { x: 42.0, ..TARGET }, EXTENT);
-        let saved = it.save();
+        let saved = SavedState::new(&it.state);
         let mut again = Colour::new(Settings::default());
-        again.load(&saved).expect("it was saved");
-        assert_eq!((&again.first, &again.recent, &again.probability), (&it.first, &it.recent, &it.probability));
-        for wrong in [serde_json::json!({}), serde_json::json!({ "contrast": 0.5, "histograms": ["", "", "", ""] })] {
-            assert!(again.load(&wrong).is_err());
+        again.resume(saved.state("colours", &()).expect("it was saved"));
+        assert_eq!((&again.state, &again.probability), (&it.state, &it.probability));
+        let empty = ColourState { first: Histograms::default(), recent: Histograms::default(), contrast: 0.5 };
+        let mut short = it.state.clone();
+        short.recent.around.pop();
+        for damaged in [empty, short, ColourState { contrast: -1.0, ..it.state.clone() }] {
+            assert!(damaged.validate(&()).is_err());
         }
-        let mut damaged = saved.clone();
-        damaged["contrast"] = (-1.0).into();
-        assert!(again.load(&damaged).is_err());
         for (settings, name) in [
             (Settings { mixing_weight: 1.1, ..Settings::default() }, "mixing_weight"),
             (Settings { gate: f64::NAN, ..Settings::default() }, "gate"),

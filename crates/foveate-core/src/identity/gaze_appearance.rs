@@ -14,6 +14,7 @@ use super::dense::Dense;
 use super::discriminant::Discriminant;
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
+use super::numbers;
 #[cfg(feature = "learn")]
 use super::online::Training;
 use super::pyramid::Pyramid;
@@ -26,6 +27,7 @@ use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 mod apart;
 mod cues;
@@ -70,9 +72,10 @@ pub struct GazeAppearance {
 foveate_base::opaque_debug!(GazeAppearance);
 
 /// What `init_template` learned.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Template {
     /// The picture, or a part of it: from which pixel on, of a picture of which size.
+    #[serde(with = "numbers::picture")]
     image: Image,
     origin: (usize, usize),
     size: (usize, usize),

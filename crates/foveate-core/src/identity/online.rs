@@ -3,20 +3,22 @@
 //! Rows are looks at the target: nine in the newest frame, at the estimate and about it, and the same nine in the first frame, so that
 //! what the template shows is not forgotten. Eight looks at places beside the target are what several particles are compared by.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
+use foveate_base::Result;
 use foveate_base::error::within;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::Rows;
-use foveate_base::{Error, Result};
 use foveate_learn::rbm::online::{self, Particle};
 use foveate_learn::rbm::{OnlineRbm, Rbm};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::encoder::Encoder;
-use super::numbers::{decode, encode};
+use super::numbers::floats;
 use super::rbm_encoder::RbmEncoder;
+use crate::saved_state::SavedState;
 
 /// Settings of training while tracking. It needs an RBM as the first layer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,33 +107,29 @@ impl Training {
     }
 
     /// What it learned.
-    pub(super) fn save(&self) -> serde_json::Value {
+    pub(super) fn save(&self) -> SavedState {
         let (steps, particles) = self.rbm.particles();
         let particles = particles.iter().map(|Particle { rbm, log_weight }| SavedParticle {
-            weights: encode(rbm.weights().data()),
-            visible_bias: encode(rbm.visible_bias()),
-            hidden_bias: encode(rbm.hidden_bias()),
+            weights: rbm.weights().data().into(),
+            visible_bias: rbm.visible_bias().into(),
+            hidden_bias: rbm.hidden_bias().into(),
             log_weight: *log_weight,
         });
-        let saved = Saved { seed: self.seed, steps, particles: particles.collect() };
-        serde_json::to_value(saved).expect("plain data is JSON")
+        SavedState::new(&Saved { seed: self.seed, steps, particles: particles.collect() })
     }
 
     /// Takes up what `save` gave.
-    pub(super) fn load(&mut self, saved: &serde_json::Value) -> Result<Arc<dyn Encoder>> {
-        let bad = |what: &str| Error::Invalid(format!("the saved online training cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(&e.to_string()))?;
-        let particle = |it: &SavedParticle| -> Result<Particle> {
-            let values =
-                |text: &str| decode(text).ok_or_else(|| bad("its numbers are not finite, or not base64 of them"));
-            let (w, b, c) = (values(&it.weights)?, values(&it.visible_bias)?, values(&it.hidden_bias)?);
-            let rbm = Rbm::new(self.pretrained.rbm().visible(), w, b, c)?;
-            Ok(Particle { rbm, log_weight: it.log_weight })
-        };
-        let particles = saved.particles.iter().map(particle).collect::<Result<Vec<_>>>()?;
-        let mut rbm = begin(self.settings, &self.pretrained, saved.seed);
-        rbm.resume(saved.steps, particles)?;
-        (self.seed, self.rbm) = (saved.seed, rbm);
+    pub(super) fn load(&mut self, saved: &SavedState) -> Result<Arc<dyn Encoder>> {
+        let Saved { seed, steps, particles }: Saved<'_> = saved.read()?;
+        let particle =
+            |SavedParticle { weights: w, visible_bias: b, hidden_bias: c, log_weight }: SavedParticle<'_>| {
+                let rbm = Rbm::new(self.pretrained.rbm().visible(), w.into_owned(), b.into_owned(), c.into_owned())?;
+                Ok(Particle { rbm, log_weight })
+            };
+        let particles = particles.into_iter().map(particle).collect::<Result<Vec<_>>>()?;
+        let mut rbm = begin(self.settings, &self.pretrained, seed);
+        rbm.resume(steps, particles)?;
+        (self.seed, self.rbm) = (seed, rbm);
         Ok(self.encoder())
     }
 }
@@ -143,16 +141,19 @@ fn begin(settings: Settings, pretrained: &RbmEncoder, seed: u64) -> OnlineRbm {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Saved {
+struct Saved<'a> {
     seed: u64,
     steps: u64,
-    particles: Vec<SavedParticle>,
+    particles: Vec<SavedParticle<'a>>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct SavedParticle {
-    weights: String,
-    visible_bias: String,
-    hidden_bias: String,
+struct SavedParticle<'a> {
+    #[serde(with = "floats")]
+    weights: Cow<'a, [f32]>,
+    #[serde(with = "floats")]
+    visible_bias: Cow<'a, [f32]>,
+    #[serde(with = "floats")]
+    hidden_bias: Cow<'a, [f32]>,
     log_weight: f64,
 }

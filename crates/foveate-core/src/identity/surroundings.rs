@@ -10,12 +10,12 @@
 //! Deviation: the paper judges by the first frame alone. Kalal, Mikolajczyk and Matas (2010) track back in time to the same end; a
 //! look back at places that were seen in any case costs next to nothing.
 
-use base64::Engine as _;
-use foveate_base::{Error, Result};
 use foveate_kernels as kernels;
 use serde::{Deserialize, Serialize};
 
+use super::numbers;
 use crate::geometry::{Extent, State};
+use crate::saved_state::{Valid, Validate, ensure};
 
 /// Places nearer to the target than this, across and down, count as at it; template units.
 const AT_TARGET: f64 = 1.1;
@@ -28,33 +28,32 @@ pub(crate) struct Surroundings {
     most: usize,
     /// Places of a frame, at most.
     places: usize,
-    frames: Vec<Remembered>,
-    /// The next frame to overwrite.
-    oldest: usize,
+    pub(crate) state: SurroundingsState,
     query: Vec<i8>,
     products: Vec<i32>,
 }
 
-/// The places of one frame: their features as bytes, row by row, those at the target first, and one over each row's length.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Remembered {
-    at_target: usize,
-    codes: Vec<i8>,
-    lengths: Vec<f32>,
+/// The remembered frames: none, or as many as there may be, of which some are empty.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct SurroundingsState {
+    frames: Vec<Remembered>,
+    /// The next frame to overwrite.
+    oldest: usize,
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Saved {
-    oldest: usize,
-    /// Of each frame the places at the target, all places, and the bytes of their features in base64.
-    frames: Vec<(usize, usize, String)>,
+/// The places of one frame: their features as bytes, row by row, those at the target first, and one over each row's length.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Remembered {
+    at_target: usize,
+    #[serde(with = "numbers::codes")]
+    codes: Vec<i8>,
+    lengths: Vec<f32>,
 }
 
 impl Surroundings {
     /// A memory of so many frames, at least one, with so many places each, at most; empty.
     pub(crate) fn new(most: usize, places: usize) -> Self {
-        Self { most, places, frames: vec![], oldest: 0, query: vec![], products: vec![] }
+        Self { most, places, state: SurroundingsState::default(), query: vec![], products: vec![] }
     }
 
     /// Places of a frame, at most.
@@ -64,8 +63,11 @@ impl Surroundings {
 
     /// Forgets all frames.
     pub(crate) fn clear(&mut self) {
-        self.oldest = 0;
-        self.frames.iter_mut().for_each(|frame| frame.lengths.clear());
+        self.state.oldest = 0;
+        for frame in &mut self.state.frames {
+            frame.codes.clear();
+            frame.lengths.clear();
+        }
     }
 
     /// Stores the features (`rows`, one a place) of places around a target at `state`. No effect unless there are
@@ -79,18 +81,18 @@ impl Surroundings {
             return;
         }
         let width = rows.len() / places.len();
-        if self.frames.is_empty() {
+        if self.state.frames.is_empty() {
             // Room for all there may be: a step allocates nothing later.
             let room = || Remembered {
                 at_target: 0,
                 codes: Vec::with_capacity(self.places * width),
                 lengths: Vec::with_capacity(self.places),
             };
-            self.frames = (0..self.most).map(|_| room()).collect();
+            self.state.frames = (0..self.most).map(|_| room()).collect();
             self.products.reserve(self.places);
         }
-        let frame = &mut self.frames[self.oldest];
-        self.oldest = (self.oldest + 1) % self.most;
+        let frame = &mut self.state.frames[self.state.oldest];
+        self.state.oldest = (self.state.oldest + 1) % self.most;
         frame.at_target = count;
         frame.codes.clear();
         frame.lengths.clear();
@@ -103,7 +105,7 @@ impl Surroundings {
     /// How much more an estimate with these features resembles the surroundings of the target than the target, the
     /// mean over remembered frames: −2 to 2. 0 without memory.
     pub(crate) fn elsewhere(&mut self, features: &[f32]) -> f64 {
-        let Self { frames, query, products, .. } = self;
+        let Self { state: SurroundingsState { frames, .. }, query, products, .. } = self;
         query.clear();
         let length = pack(features, query);
         let (mut sum, mut compared) = (0.0, 0);
@@ -120,41 +122,24 @@ impl Surroundings {
         }
         sum / f64::from(compared.max(1))
     }
+}
 
-    /// The state to resume from.
-    pub(crate) fn save(&self) -> serde_json::Value {
-        let text = |frame: &Remembered| {
-            let bytes: Vec<u8> = frame.codes.iter().map(|code| code.cast_unsigned()).collect();
-            (frame.at_target, frame.lengths.len(), base64::engine::general_purpose::STANDARD.encode(bytes))
+impl Validate<(&Surroundings, usize)> for SurroundingsState {
+    /// The settings are those of a memory, and the length of the features.
+    fn validate(&self, (memory, width): &(&Surroundings, usize)) -> Valid {
+        let n = self.frames.len();
+        if ![0, memory.most].contains(&n) || self.oldest >= memory.most {
+            return Err(format!("they are of {n} frames, this tracker remembers {}", memory.most));
+        }
+        let fits = |Remembered { at_target, codes, lengths }: &Remembered| {
+            let places = lengths.len();
+            let sane = codes.iter().all(|code| *code >= -127) && lengths.iter().all(|of| (0.0..=1.0).contains(of));
+            places == 0
+                || sane && places <= memory.places && (1..places).contains(at_target) && codes.len() == places * width
         };
-        let frames = self.frames.iter().filter(|frame| !frame.lengths.is_empty()).map(text).collect();
-        let saved = Saved { oldest: self.oldest, frames };
-        serde_json::to_value(saved).expect("plain data is JSON")
-    }
-
-    /// Restores a state of `save` with features of this length. Fails without change if it does not fit.
-    pub(crate) fn load(&mut self, saved: &serde_json::Value, width: usize) -> Result<()> {
-        let bad = |what: String| Error::Invalid(format!("the saved surroundings cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        let n = saved.frames.len();
-        if n > self.most || saved.oldest >= self.most {
-            return Err(bad(format!("they are of {n} frames, this tracker remembers {}", self.most)));
-        }
-        let mut frames = Vec::with_capacity(self.most);
-        for (at_target, places, text) in &saved.frames {
-            let bytes = base64::engine::general_purpose::STANDARD.decode(text).map_err(|e| bad(e.to_string()))?;
-            if width == 0 || places.checked_mul(width) != Some(bytes.len()) || !(1..*places).contains(at_target) {
-                return Err(bad(format!("{} bytes are not {places} places of {width} features", bytes.len())));
-            }
-            let codes: Vec<i8> = bytes.iter().map(|byte| byte.cast_signed().max(-127)).collect();
-            let lengths = codes.chunks_exact(width).map(length).collect();
-            frames.push(Remembered { at_target: *at_target, codes, lengths });
-        }
-        if !frames.is_empty() {
-            frames.resize_with(self.most, Remembered::default);
-        }
-        (self.frames, self.oldest) = (frames, saved.oldest);
-        Ok(())
+        ensure(self.frames.iter().all(fits), || {
+            format!("its frames are not of up to {} places of {width} features", memory.places)
+        })
     }
 }
 
@@ -179,6 +164,8 @@ fn length(codes: &[i8]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::saved_state::SavedState;
+    use foveate_base::Result;
 
     const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
 
@@ -237,9 +224,13 @@ mod tests {
         for at in [1, 2] {
             memory.remember(&places[at], EXTENT, &places, &rows);
         }
-        let saved = memory.save();
+        let saved = SavedState::new(&memory.state);
+        let load = |saved: &SavedState, into: &mut Surroundings, width: usize| -> Result<()> {
+            into.state = saved.state("surroundings", &(&*into, width))?;
+            Ok(())
+        };
         let mut again = Surroundings::new(3, 4);
-        again.load(&saved, 6).expect("the same settings");
+        load(&saved, &mut again, 6).expect("the same settings");
         for step in 0..8 {
             let at = step % 4;
             assert_eq!(memory.elsewhere(&axis(at)), again.elsewhere(&axis(at)));
@@ -247,14 +238,14 @@ mod tests {
                 it.remember(&places[at], EXTENT, &places, &rows);
             }
         }
-        assert!(again.load(&saved, 5).is_err() && again.load(&saved, 0).is_err());
-        assert!(Surroundings::new(1, 4).load(&saved, 6).is_err(), "too many frames");
-        for damage in ["{\"oldest\":9,\"frames\":[]}", "{\"oldest\":0,\"frames\":[[1,2,\"?\"]]}", "[]"] {
+        assert!(load(&saved, &mut again, 5).is_err() && load(&saved, &mut again, 0).is_err());
+        assert!(load(&saved, &mut Surroundings::new(1, 4), 6).is_err(), "too many frames");
+        for damage in ["{\"oldest\":9,\"frames\":[]}", "{\"oldest\":0,\"frames\":[[1,\"?\",[]]]}", "[]"] {
             let damaged = serde_json::from_str(damage).expect("JSON");
-            assert!(again.load(&damaged, 6).is_err(), "{damage}");
+            assert!(load(&damaged, &mut again, 6).is_err(), "{damage}");
         }
-        let empty = Surroundings::new(3, 4).save();
-        again.load(&empty, 6).expect("nothing remembered");
+        let empty = SavedState::new(&Surroundings::new(3, 4).state);
+        load(&empty, &mut again, 6).expect("nothing remembered");
         assert_eq!(again.elsewhere(&axis(2)), 0.0);
     }
 }

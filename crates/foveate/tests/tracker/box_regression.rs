@@ -192,7 +192,7 @@ fn what_does_not_fit_is_refused() {
     let error = start(config(&[])).load(&saved).expect_err("nothing to find").to_string();
     assert!(error.contains("box_regression is not set in the state"), "{error}");
     for (key, value, said) in [
-        ("template", serde_json::json!("AAAA"), "2048 features"),
+        ("template", serde_json::json!("AAAAAA=="), "2048 features"),
         ("said", serde_json::json!({ "frames": 1, "mean": [0.0, 7.0, 0.0] }), "it moves the box"),
     ] {
         let mut saved = start(config(&[])).save();

@@ -156,7 +156,8 @@ fn there_is_something_to_save_of_what_is_learned_for_now() {
     let (frames, blueprint) = (frames(), learning_for_now(PARTICLES));
     let mut tracker = started(&blueprint, 0, &frames);
     let with = go(&mut tracker, &frames[1..]);
-    assert!(tracker.save().to_string().contains("\"short_term\""), "nothing was learned for now");
+    let learned = &tracker.save()["ensemble"]["trackers"][0]["appearance"]["discriminant"]["short_term"];
+    assert!(!learned.is_null(), "nothing was learned for now");
     let config = blueprint.config().clone().set("short_term.threshold=0").and_then(|c| c.set("short_term.gate=0"));
     let without = config.and_then(|c| c.check(&Folder::here())).expect("a good configuration");
     assert!(with != alone(&without, &frames), "it moves the box");
@@ -283,8 +284,12 @@ fn what_does_not_fit_is_refused() {
         assert!(error.contains(words), "{error}");
     };
     refuse("/format", 99.into(), "format is 99");
-    refuse("/ensemble/trackers/0/particles", serde_json::json!([]), "0 particles and 20 weights, this tracker has 20");
-    refuse("/ensemble/trackers/0/policy", serde_json::json!({ "gain": [1.0] }), "9 gazes");
+    refuse(
+        "/ensemble/trackers/0/filter/particles",
+        serde_json::json!([]),
+        "0 particles and 20 weights, this tracker has 20",
+    );
+    refuse("/ensemble/trackers/0/policy", serde_json::json!({ "gain": [1.0], "frames": 1 }), "9 gazes");
     refuse("/ensemble/trackers/0/appearance", serde_json::Value::Null, "without a template");
     refuse("/ensemble/trackers/0/frame", u64::MAX.into(), "frame");
     refuse("/ensemble/trackers/0/consistency", "awake".into(), "consistency");

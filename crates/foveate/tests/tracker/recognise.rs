@@ -88,12 +88,11 @@ fn what_is_recognised_survives_a_pause_and_is_forgotten_with_the_target() {
             let error = raw(POLICIES[2]).tracker(5).expect("fits").load(&first.save()).expect_err("none").to_string();
             assert!(error.contains("recogniser is set in the state and not set in this tracker"), "{error}");
             let mut damaged = first.save();
-            damaged["ensemble"]["trackers"][0]["recognizer"]["evidence"] = serde_json::json!([1.0]);
+            damaged["ensemble"]["trackers"][0]["recognizer"]["evidence"]["evidence"] = serde_json::json!([1.0]);
             assert!(later.load(&damaged).expect_err("one class").to_string().contains("3 classes"));
             let mut damaged = first.save();
-            assert_eq!(damaged["ensemble"]["trackers"][0]["recognizer"].get("alarm").is_some(), looking == ALARMING);
-            damaged["ensemble"]["trackers"][0]["recognizer"]["alarm"] =
-                serde_json::json!({ "evidence": [0.0, 0.0, 0.0], "past": "gone" });
+            assert_eq!(!damaged["ensemble"]["trackers"][0]["recognizer"]["alarm"].is_null(), looking == ALARMING);
+            damaged["ensemble"]["trackers"][0]["recognizer"]["alarm"] = serde_json::json!({ "accumulator": "gone" });
             assert_eq!(later.load(&damaged).is_err(), looking == ALARMING);
             whole.init(&frames[0].image, INIT).expect("a box in the picture");
             let again = whole.update(&frames[1].image).expect("a picture of the first size");

@@ -41,7 +41,6 @@ pub(super) struct Job<'a> {
     pub out: &'a Path,
     pub json: bool,
     pub stream: Option<&'a StreamTo>,
-    pub blueprint: Blueprint,
     pub seed: u64,
     pub about: SourceInfo,
     pub frames: Frames,
@@ -82,7 +81,7 @@ impl<'a> Plan<'a> {
         }
         let mut info = run_info(&source.display().to_string(), &about, &name, &blueprint, seed);
         let (frames, init, given) = match &mut subject {
-            Subject::One(tracker) => begin((args, source), (&blueprint, seed), tracker, &about)?,
+            Subject::One(tracker) => begin((args, source), tracker, &about)?,
             Subject::Many(tracker, detections, detector) => {
                 let frames = Frames::new(0, "the video begins", args.until, &about)?;
                 let given = given(args, source, &about)?;
@@ -115,7 +114,6 @@ impl<'a> Plan<'a> {
             out,
             json,
             stream,
-            blueprint,
             seed,
             about,
             frames,
@@ -182,8 +180,7 @@ impl Job<'_> {
         match (subject, self.save_state) {
             (Subject::Many(_, detections, _), _) => detections.save(),
             (Subject::One(tracker), Some(path)) => {
-                let (source, state) = ((self.source, &self.about), tracker.save());
-                SavedState::write(path, source, &self.blueprint, self.seed, next_frame, state)
+                SavedState::write(path, (self.source, &self.about), next_frame, tracker.save())
             }
             (Subject::One(_), None) => Ok(()),
         }
@@ -194,7 +191,6 @@ impl Job<'_> {
 /// tracker and returns no first box.
 fn begin(
     (args, source): (&Args, &Path),
-    (blueprint, seed): (&Blueprint, u64),
     tracker: &mut Tracker,
     about: &SourceInfo,
 ) -> Result<(Frames, Option<BBox>, Vec<Given>)> {
@@ -202,12 +198,12 @@ fn begin(
     let frames = |from: usize, start: &'static str| Frames::new(from, start, args.until, about);
     let (frames, init) = match &args.load_state {
         Some(path) => {
-            let saved = SavedState::read(path, blueprint, seed)?;
+            let saved = SavedState::read(path)?;
             let frames = frames(saved.next_frame, "the saved state goes on")?;
             tracker.load(&saved.tracker).map_err(of_file(path))?;
             saved.check_size(path, about)?;
             let (then, now) = (&saved.source, video_name(source));
-            if !then.is_empty() && *then != now {
+            if *then != now {
                 note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
             }
             (frames, None)

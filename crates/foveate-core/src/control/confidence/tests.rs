@@ -1,4 +1,5 @@
 use super::*;
+use crate::saved_state::SavedState;
 
 const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: -2.0, off: -12.0 };
 
@@ -225,9 +226,10 @@ fn a_saved_monitor_continues() {
         c.judge(f);
     }
     let mut other = LossMonitor::new(ConfidenceModel::default());
-    other.load(&c.save()).expect("it was saved");
+    other.state = SavedState::new(&c.state).state("confidence", &()).expect("it was saved");
     assert!(frames[25..].iter().all(|f| c.judge(f) == other.judge(f)));
-    assert!(other.load(&serde_json::json!({ "frames": "many" })).is_err());
+    let damaged = LossState { p_lost: 1.5, ..c.state };
+    assert!(damaged.validate(&()).expect_err("no probability").contains("1.5"));
 }
 
 /// Whatever comes in: a probability, and finite cues.

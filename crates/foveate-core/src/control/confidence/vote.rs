@@ -14,7 +14,6 @@ use super::{ConfidenceModel, LOST};
 use crate::control::status::ReportedStatus;
 use crate::control::{Status, StatusThresholds};
 use crate::geometry::BBox;
-use foveate_base::{Error, Result};
 
 /// Thresholds of the vote's P(lost): lost from the first on, found below the second. They decide which members
 /// restart and which status is reported.
@@ -43,12 +42,12 @@ impl Ballot {
 #[derive(Clone, Debug)]
 pub struct Vote {
     rule: ConfidenceModel,
-    past: Past,
+    pub(crate) state: VoteState,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Past {
+pub(crate) struct VoteState {
     search: SearchState,
     reported: ReportedStatus,
 }
@@ -66,12 +65,12 @@ impl Vote {
             patience: model.patience,
             ..ConfidenceModel::default()
         };
-        Self { rule, past: Past::default() }
+        Self { rule, state: VoteState::default() }
     }
 
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
-        self.past = Past::default();
+        self.state = VoteState::default();
     }
 
     /// The member with the reported box, and its P(lost); the first of equal ones. Panics without ballots.
@@ -92,7 +91,7 @@ impl Vote {
 
     /// Whether the target is lost by the vote: members then do not begin again at its box.
     pub fn is_searching(&self) -> bool {
-        self.past.search.is_searching
+        self.state.search.is_searching
     }
 
     /// The elected member, the P(lost) of its box, and the reported status, which follows from that.
@@ -101,20 +100,8 @@ impl Vote {
         // A target is found by a member that says so by its own rule.
         let told = ballots[elected].bbox;
         let found = ballots.iter().any(|b| !b.is_searching && b.is_on(&told));
-        self.past.search.update(&self.rule, p_lost, !found);
-        (elected, p_lost, self.past.reported.update(p_lost, self.rule.status, self.rule.patience))
-    }
-
-    /// The state to resume from.
-    pub fn save(&self) -> serde_json::Value {
-        serde_json::to_value(&self.past).expect("plain data is JSON")
-    }
-
-    /// Restores a state of `save`.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        self.past =
-            Past::deserialize(saved).map_err(|e| Error::Invalid(format!("the saved vote cannot be used: {e}")))?;
-        Ok(())
+        self.state.search.update(&self.rule, p_lost, !found);
+        (elected, p_lost, self.state.reported.update(p_lost, self.rule.status, self.rule.patience))
     }
 }
 
@@ -179,15 +166,5 @@ mod tests {
         assert!(vote.is_searching());
         let (.., status) = vote.count(&[at(0.0, 0.0), searching(1.0), searching(2.0)]);
         assert_eq!((status, vote.is_searching()), (Status::Reacquired, false));
-    }
-
-    #[test]
-    fn what_was_saved_goes_on() {
-        let mut vote = Vote::new(&ConfidenceModel::default());
-        vote.count(&[at(0.0, 0.9)]);
-        let mut again = Vote::new(&ConfidenceModel::default());
-        again.load(&vote.save()).expect("it was saved");
-        assert_eq!(again.past, vote.past);
-        assert!(again.load(&serde_json::json!({"state": 3})).is_err());
     }
 }

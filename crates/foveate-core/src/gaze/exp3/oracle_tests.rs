@@ -54,7 +54,7 @@ fn the_mean_of_an_estimate_is_the_reward() {
                                 let own = ((ratio * other - shared) / old).ln() / eta;
                                 if j == drawn { own } else { 0.0 }
                             }
-                            _ => next.gains.gain[j] - policy.gains.gain[j],
+                            _ => next.gains.state.gain[j] - policy.gains.state.gain[j],
                         };
                         *mean += policy.mixed[drawn] * grown;
                     }
@@ -65,7 +65,7 @@ fn the_mean_of_an_estimate_is_the_reward() {
                         Variant::AsPrinted => rewards[j] * policy.mixed[j] / policy.gains.p[j].max(LEAST),
                         Variant::Implicit => -(1.0 - rewards[j]) * policy.gains.p[j] / (policy.gains.p[j] + g),
                     };
-                    let slack = 1e-9 * (1.0 + policy.gains.gain[j].abs());
+                    let slack = 1e-9 * (1.0 + policy.gains.state.gain[j].abs());
                     assert!((mean[j] - expected).abs() < slack, "{variant:?}: {} is not {expected}", mean[j]);
                 }
             }
@@ -274,8 +274,8 @@ fn rewards_of_rare_gazes_stay_finite() {
                     policy.learn(&plan, &[reward]);
                 }
                 let sum: f64 = policy.mixed.iter().sum();
-                let sound = (sum - 1.0).abs() < 1e-9 && policy.gains.gain.iter().all(|g| g.is_finite());
-                assert!(sound, "{variant:?}, frame {t}: {:?} {:?}", policy.mixed, policy.gains.gain);
+                let sound = (sum - 1.0).abs() < 1e-9 && policy.gains.state.gain.iter().all(|g| g.is_finite());
+                assert!(sound, "{variant:?}, frame {t}: {:?} {:?}", policy.mixed, policy.gains.state.gain);
             }
             assert!(policy.save().to_string().len() < 300, "what is remembered must not grow");
         }

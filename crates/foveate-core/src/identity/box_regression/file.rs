@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde::{Deserialize, Serialize};
 
+use crate::identity::numbers::{codes, floats};
 use foveate_base::{Error, Result};
 
 /// What a layer is like.
@@ -35,10 +35,12 @@ struct Written {
     name: String,
     /// Rows, columns, channels, filters.
     shape: [usize; 4],
-    /// In base64: signed bytes; 32-bit floats, the least significant byte first.
-    weights: String,
-    scales: String,
-    bias: String,
+    #[serde(with = "codes")]
+    weights: Vec<i8>,
+    #[serde(with = "floats")]
+    scales: Vec<f32>,
+    #[serde(with = "floats")]
+    bias: Vec<f32>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -63,40 +65,34 @@ pub(super) fn read(bytes: &[u8], path: &Path, shapes: &[Shape]) -> Result<Vec<Fi
     if file.layers.len() != shapes.len() {
         return Err(wrong(format!("it has {} layers, not {}", file.layers.len(), shapes.len())));
     }
-    file.layers.iter().zip(shapes).map(|(written, shape)| layer(written, shape).map_err(wrong)).collect()
+    file.layers.into_iter().zip(shapes).map(|(written, shape)| layer(written, shape).map_err(wrong)).collect()
 }
 
 /// A layer of a file, of the shape that it must have.
-fn layer(layer: &Written, shape: &Shape) -> std::result::Result<Filters, String> {
+fn layer(layer: Written, shape: &Shape) -> std::result::Result<Filters, String> {
     let Shape { name, size, channels, filters, .. } = *shape;
     let shape = [size, size, channels, filters];
     if layer.name != name || layer.shape != shape {
         return Err(format!("the layer {} of {:?} stands where {name} of {shape:?} should", layer.name, layer.shape));
     }
-    let decoded = |what: &str, text: &str, bytes: usize| {
-        let found = STANDARD.decode(text).map_err(|e| format!("{name}.{what}: {e}"))?;
-        let enough = found.len() == bytes;
-        enough.then_some(()).ok_or_else(|| format!("{name}.{what} has {} bytes, not {bytes}", found.len()))?;
-        Ok::<_, String>(found)
-    };
-    let floats = |what: &str, text: &str| {
-        let bytes = decoded(what, text, 4 * filters)?;
-        let floats: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-        let sane = floats.iter().all(|x| x.abs() <= 1e3);
-        sane.then_some(floats).ok_or_else(|| format!("{name}.{what} has a number that is not finite, or beyond 1000"))
-    };
-    let (scales, bias) = (floats("scales", &layer.scales)?, floats("bias", &layer.bias)?);
-    let bytes = decoded("weights", &layer.weights, size * size * channels * filters)?;
-    let weights =
-        bytes.iter().zip(scales.iter().cycle()).map(|(b, scale)| f32::from(b.cast_signed()) * scale).collect();
-    Ok(Filters { weights, bias })
+    let lengths =
+        [("weights", layer.weights.len(), size * size * channels * filters), ("scales", layer.scales.len(), filters)];
+    for (what, found, expected) in lengths.into_iter().chain([("bias", layer.bias.len(), filters)]) {
+        if found != expected {
+            return Err(format!("{name}.{what} has {found} numbers, not {expected}"));
+        }
+    }
+    if layer.scales.iter().chain(&layer.bias).any(|x| x.abs() > 1e3) {
+        return Err(format!("{name} has a scale or a bias beyond 1000"));
+    }
+    let weights = layer.weights.iter().zip(layer.scales.iter().cycle()).map(|(b, scale)| f32::from(*b) * scale);
+    Ok(Filters { weights: weights.collect(), bias: layer.bias })
 }
 
 #[cfg(test)]
 pub(super) mod tests {
     use super::super::network::LAYERS;
     use super::*;
-    use crate::identity::numbers;
     use foveate_base::rng::Streams;
     use rand::RngExt;
 
@@ -105,15 +101,12 @@ pub(super) mod tests {
         let mut rng = Streams::new(seed, 0).rng(0);
         let layers = shapes.iter().map(|&Shape { name, size, channels, filters, .. }| {
             let n = size * size * channels;
-            let bytes: Vec<u8> = (0..n * filters).map(|_| rng.random::<u8>()).collect();
-            let scales = vec![0.02 / (n as f32).sqrt(); filters];
-            let bias: Vec<f32> = (0..filters).map(|_| rng.random::<f32>() - 0.5).collect();
             Written {
                 name: name.into(),
                 shape: [size, size, channels, filters],
-                weights: STANDARD.encode(bytes),
-                scales: numbers::encode(&scales),
-                bias: numbers::encode(&bias),
+                weights: (0..n * filters).map(|_| rng.random::<u8>().cast_signed()).collect(),
+                scales: vec![0.02 / (n as f32).sqrt(); filters],
+                bias: (0..filters).map(|_| rng.random::<f32>() - 0.5).collect(),
             }
         });
         let file = File { command: "c".into(), data: "d".into(), layers: layers.collect() };
@@ -129,20 +122,17 @@ pub(super) mod tests {
             change(&mut file);
             serde_json::to_vec(&file).expect("plain data")
         };
-        let infinite = |n: usize| STANDARD.encode(f32::INFINITY.to_le_bytes().repeat(n));
         for (bytes, part) in [
             (b"{}".to_vec(), "missing field"),
             (change(|file| file.layers.truncate(3)), "it has 3 layers, not 9"),
             (change(|file| file.layers.swap(0, 1)), "the layer second"),
             (change(|file| file.layers[2].weights.truncate(8)), "third.weights has"),
-            (change(|file| file.layers[2].weights.push('!')), "third.weights: "),
-            (change(|file| file.layers[8].bias = String::new()), "answer.bias has 0 bytes, not 28"),
+            (change(|file| file.layers[8].bias.clear()), "answer.bias has 0 numbers, not 7"),
+            (change(|file| file.layers[8].scales[0] = 1e4), "answer has a scale or a bias beyond 1000"),
+            (change(|file| file.layers[8].scales[0] = f32::INFINITY), "not finite"),
         ] {
             let said = said(&bytes);
             assert!(said.contains(part) && said.contains("bench/train_box_regression.py"), "{said}");
         }
-        let mut file: File = serde_json::from_slice(&bytes).expect("just written");
-        file.layers[8].scales = infinite(7);
-        assert!(said(&serde_json::to_vec(&file).expect("plain data")).contains("not finite"));
     }
 }

@@ -57,9 +57,7 @@ pub struct Network {
 /// What is kept of the target's own picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Template {
-    /// As the third layer has them.
-    pub(super) features: Vec<f32>,
-    /// The same, each place of length 1.
+    /// The features of the third layer, each place of length 1.
     even: Vec<f32>,
     /// What they add to `joint`, a value a place and filter.
     joined: Vec<f32>,
@@ -136,7 +134,7 @@ impl Network {
             Layer { side: PLACES + 2, channels: BESIDE, size: 3, stride: 1, pool: 1, cut: false, weights, bias };
         kernels::convolve(&layer, &framed, &mut joined);
         level(&mut even);
-        Template { features: features.to_vec(), even, joined }
+        Template { even, joined }
     }
 
     /// The prediction for the last features, compared with the target's.

@@ -3,17 +3,21 @@
 use std::sync::Arc;
 
 use foveate_kernels as kernels;
+use serde::{Deserialize, Serialize};
 
 use super::settings::Settings;
 use crate::geometry::State;
+use crate::identity::numbers::floats;
 
 /// Steps of conjugate gradients on the first frame, and on each other.
 pub(super) const STEPS: (usize, usize) = (30, 4);
 
 /// Σ h hᵀ (its lower triangle) and Σ label · h.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Sums {
+    #[serde(with = "floats")]
     pub gram: Vec<f32>,
+    #[serde(with = "floats")]
     pub cross: Vec<f32>,
 }
 

@@ -1,94 +1,75 @@
-//! What a discriminant learned, as plain data.
+//! What a discriminant has learned, in a saved tracker.
+
+use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Discriminant, MOST_PLACES, PLACES, Sums, outer};
-use crate::identity::numbers::{decode, encode};
-use foveate_base::{Error, Result};
-
-/// Rows of the first frame, its cross sums; the sums of the frames since, the weights. In base64.
-type Parts = [String; 5];
+use super::{Discriminant, MOST_PLACES, PLACES, Recent, Sums, outer};
+use crate::identity::numbers::floats;
+use crate::saved_state::{SavedState, Valid, Validate, ensure};
+use foveate_base::Result;
 
 #[derive(Serialize, Deserialize)]
-#[serde(untagged)]
-enum Saved {
-    Parts(Parts),
-    /// With the short-term memory: its sums and weights, and the weight of its difference from the long-term one.
-    Apart {
-        parts: Parts,
-        short_term: [String; 3],
-        apart: f64,
-    },
+struct Saved<'a> {
+    #[serde(with = "floats")]
+    first_rows: Cow<'a, [f32]>,
+    #[serde(with = "floats")]
+    first_cross: Cow<'a, [f32]>,
+    recent: Cow<'a, Sums>,
+    #[serde(with = "floats")]
+    weights: Cow<'a, [f32]>,
+    /// The short-term memory, while it differs from the long-term one.
+    short_term: Option<Cow<'a, Recent>>,
+}
+
+impl Validate<Discriminant> for Saved<'_> {
+    fn validate(&self, of: &Discriminant) -> Valid {
+        let Self { first_rows, first_cross, recent, weights, short_term } = self;
+        let n = of.weights.len();
+        // Of the first frame there may be distractors besides.
+        let rows = (first_rows.len() / n).clamp(PLACES, MOST_PLACES);
+        let sums = |sums: &Sums| [(sums.gram.len(), n * (n + 1) / 2), (sums.cross.len(), n)];
+        let mut lengths = vec![(first_rows.len(), rows * n), (first_cross.len(), n), (weights.len(), n)];
+        lengths.extend(sums(recent));
+        if let Some(it) = short_term {
+            lengths.extend(sums(&it.sums));
+            lengths.push((it.weights.len(), n));
+            if of.short_term.is_none() || !it.apart.is_some_and(|apart| (0.0..=1.0).contains(&apart)) {
+                return Err("it has a short-term memory, and this tracker has none of that kind".into());
+            }
+        }
+        lengths.into_iter().try_for_each(|(found, expected)| {
+            ensure(found == expected, || format!("it has {found} numbers where this tracker has {expected}"))
+        })
+    }
 }
 
 impl Discriminant {
     /// Everything learned, to resume from.
-    pub fn save(&self) -> serde_json::Value {
-        let Self { first_rows, first, recent, packed, weights, .. } = self;
-        let mut unpacked = vec![];
-        let gram = match recent.gram.is_empty() {
-            true => {
-                packed.unpack(&mut unpacked);
-                &unpacked
-            }
-            false => &recent.gram,
-        };
-        let parts = [first_rows, &first.cross, gram, &recent.cross, weights].map(|values| encode(values));
-        let short_term = self.short_term.as_ref().and_then(|it| it.apart.map(|apart| (it, apart)));
-        let saved = match short_term {
-            Some((it, apart)) => {
-                let short_term = [&it.sums.gram, &it.sums.cross, &it.weights].map(|values| encode(values));
-                Saved::Apart { parts, short_term, apart }
-            }
-            None => Saved::Parts(parts),
-        };
-        serde_json::to_value(saved).expect("plain data is JSON")
+    pub fn save(&self) -> SavedState {
+        let mut recent = Cow::Borrowed(&self.recent);
+        if recent.gram.is_empty() {
+            self.packed.unpack(&mut recent.to_mut().gram);
+        }
+        SavedState::new(&Saved {
+            first_rows: Cow::Borrowed(&self.first_rows),
+            first_cross: Cow::Borrowed(&self.first.cross),
+            recent,
+            weights: Cow::Borrowed(&self.weights),
+            short_term: self.short_term.as_ref().filter(|it| it.apart.is_some()).map(Cow::Borrowed),
+        })
     }
 
     /// Restores a state of `save`. Fails without change if it does not fit.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        let bad = |what: String| Error::Invalid(format!("the saved discriminant cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        let n = self.weights.len();
-        let numbers = |text: &str, expected: usize, most: usize| {
-            let numbers = decode(text).ok_or_else(|| bad("it is not base64 of finite numbers".into()))?;
-            // Of the first frame there may be distractors besides.
-            match (expected..=most).contains(&numbers.len()) && numbers.len() % n == expected % n {
-                true => Ok(numbers),
-                false => Err(bad(format!(
-                    "it has {} numbers where this tracker has {expected}; use the configuration and version it was saved with",
-                    numbers.len()
-                ))),
-            }
-        };
-        let exact = |text: &str, expected: usize| numbers(text, expected, expected);
-        let triangle = n * (n + 1) / 2;
-        let (parts, apart) = match &saved {
-            Saved::Parts(parts) => (parts, None),
-            Saved::Apart { parts, short_term, apart } => (parts, Some((short_term, *apart))),
-        };
-        let [first_rows, first_cross, gram, cross, weights] = parts;
-        let first_rows = numbers(first_rows, PLACES * n, MOST_PLACES * n)?;
-        let [first_cross, cross, weights] = [first_cross, cross, weights].map(|text| exact(text, n));
-        let (first_cross, recent, weights) =
-            (first_cross?, Sums { gram: exact(gram, triangle)?, cross: cross? }, weights?);
-        let apart = match (apart, &self.short_term) {
-            (Some(([gram, cross, weights], apart)), Some(_)) if (0.0..=1.0).contains(&apart) => {
-                let sums = Sums { gram: exact(gram, triangle)?, cross: exact(cross, n)? };
-                Some((sums, exact(weights, n)?, apart))
-            }
-            (Some(_), _) => return Err(bad("only it, and not this tracker, has a short-term memory".into())),
-            (None, _) => None,
-        };
+    pub fn load(&mut self, saved: &SavedState) -> Result<()> {
+        let saved: Saved<'_> = saved.state("discriminant", self)?;
+        self.first_rows = saved.first_rows.into_owned();
+        outer(&self.first_rows, self.weights.len(), &mut self.first.gram);
+        self.first.cross = saved.first_cross.into_owned();
+        (self.recent, self.weights) = (saved.recent.into_owned(), saved.weights.into_owned());
         if let Some(it) = &mut self.short_term {
-            it.apart = apart.as_ref().map(|(.., apart)| *apart);
-            (it.sums, it.weights) =
-                apart.map_or_else(|| (recent.clone(), weights.clone()), |(sums, weights, _)| (sums, weights));
+            *it = saved.short_term.map_or_else(|| Recent::new(&self.recent, &self.weights), Cow::into_owned);
         }
-        outer(&first_rows, n, &mut self.first.gram);
-        self.first.cross = first_cross;
-        self.recent = recent;
-        (self.first_rows, self.weights) = (first_rows, weights);
         Ok(())
     }
 }

@@ -13,6 +13,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::ridge::{Learning, Regression, STEPS, Sums};
+use crate::identity::numbers::floats;
 use foveate_base::Result;
 use foveate_base::error::within;
 
@@ -44,13 +45,15 @@ impl ShortTerm {
 const SAME: f64 = 0.01;
 
 /// The sums of more frames, and the weights they give.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Recent {
     pub sums: Sums,
+    #[serde(with = "floats")]
     pub weights: Vec<f32>,
     /// Weight of the difference of both; `None` while they are equal.
     pub apart: Option<f64>,
     /// Whether it is suspended: the long-term one is then used.
+    #[serde(skip)]
     pub aside: bool,
 }
 

@@ -160,8 +160,8 @@ mod tests {
         // What was saved without one is taken up, and nothing is apart.
         other.load(&one(&FRAMES, |_| true).save()).expect("it was saved");
         assert!(!other.is_apart() && other.in_use() == one(&FRAMES, |_| true).weights);
-        let mut damaged = it.save();
-        damaged["apart"] = 7.into();
-        assert!(other.load(&damaged).is_err());
+        let mut damaged = it.clone();
+        damaged.short_term.as_mut().expect("it has one").apart = Some(7.0);
+        assert!(other.load(&damaged.save()).is_err());
     }
 }

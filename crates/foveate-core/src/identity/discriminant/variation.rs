@@ -14,10 +14,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde::{Deserialize, Serialize};
 
 use crate::identity::Encoder;
+use crate::identity::numbers::{codes, floats};
 use crate::identity::oriented::Oriented;
 use foveate_base::error::within;
 use foveate_base::files::Files;
@@ -77,27 +77,26 @@ impl Variation {
 }
 
 /// A covariance of features of the oriented encoder, all three of its parts with a weight of 1.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Covariance {
     /// Lengths of the parts: gradients, grey, colour.
     parts: [usize; 3],
+    #[serde(with = "floats")]
     deviations: Vec<f32>,
     /// Correlations in 1/127, the lower triangle without its diagonal.
+    #[serde(with = "codes")]
     correlations: Vec<i8>,
 }
 
 /// As it is in a file.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Written {
+#[derive(Serialize)]
+struct Written<'a> {
     /// How it was made.
-    command: String,
+    command: &'a str,
     /// Of the pictures and boxes it was made of.
-    sha256: String,
-    parts: [usize; 3],
-    /// In base64: 32-bit floats, the least significant byte first; signed bytes.
-    deviations: String,
-    correlations: String,
+    sha256: &'a str,
+    #[serde(flatten)]
+    covariance: &'a Covariance,
 }
 
 /// Lengths of the parts with weights of 1: colour is two channels.
@@ -127,15 +126,7 @@ impl Covariance {
 
     /// As the bytes of a file, with metadata on its training.
     pub fn to_json(&self, command: &str, sha256: &str) -> String {
-        let floats: Vec<u8> = self.deviations.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let bytes: Vec<u8> = self.correlations.iter().map(|v| v.to_le_bytes()[0]).collect();
-        let written = Written {
-            command: command.into(),
-            sha256: sha256.into(),
-            parts: self.parts,
-            deviations: STANDARD.encode(floats),
-            correlations: STANDARD.encode(bytes),
-        };
+        let written = Written { command, sha256, covariance: self };
         serde_json::to_string_pretty(&written).expect("plain data") + "\n"
     }
 
@@ -147,26 +138,18 @@ impl Covariance {
         let wrong = |problem: String| {
             Error::malformed(path, format!("{problem}; expected a file of `foveate train variation`"))
         };
-        let written: Written = serde_json::from_slice(bytes).map_err(|e| wrong(e.to_string()))?;
-        let decoded = |name: &str, text: &str| STANDARD.decode(text).map_err(|e| wrong(format!("{name}: {e}")));
-        let floats = decoded("deviations", &written.deviations)?;
-        let correlations = decoded("correlations", &written.correlations)?;
-        let n = written.parts.iter().try_fold(0usize, |n, part| n.checked_add(*part)).filter(|n| *n <= MOST);
+        let found: Self = serde_json::from_slice(bytes).map_err(|e| wrong(e.to_string()))?;
+        let Self { parts, deviations, correlations } = &found;
+        let n = parts.iter().try_fold(0usize, |n, part| n.checked_add(*part)).filter(|n| *n <= MOST);
         let n = n.ok_or_else(|| wrong(format!("parts: more than {MOST} features")))?;
-        if floats.len() != 4 * n || correlations.len() != n * n.saturating_sub(1) / 2 {
-            let found = (floats.len() / 4, correlations.len());
+        if deviations.len() != n || correlations.len() != n * n.saturating_sub(1) / 2 {
+            let found = (deviations.len(), correlations.len());
             return Err(wrong(format!("{} deviations and {} correlations of {n} features", found.0, found.1)));
         }
-        let deviations: Vec<f32> =
-            floats.as_chunks().0.iter().map(|four: &[u8; 4]| f32::from_le_bytes(*four)).collect();
         if !deviations.iter().all(|v| (0.0..=1.0).contains(v)) {
             return Err(wrong("deviations: features of parts of length 1 deviate by 0 to 1".into()));
         }
-        Ok(Self {
-            parts: written.parts,
-            deviations,
-            correlations: correlations.iter().map(|v| i8::from_le_bytes([*v])).collect(),
-        })
+        Ok(found)
     }
 
     /// What is added to the sums of an encoder's features, the lower triangle with a last row for the 1 behind them.
@@ -263,9 +246,9 @@ mod tests {
         let path = Path::new("x.json");
         assert_eq!(Covariance::parse(text.as_bytes(), path).expect("written so"), it);
         for (from, to, part) in [
-            ("\"parts\"", "\"part\"", "unknown field"),
-            ("\"deviations\": \"", "\"deviations\": \"AAAA", "deviations and"),
-            ("\"deviations\": \"", "\"deviations\": \"?", "deviations:"),
+            ("\"parts\"", "\"part\"", "missing field"),
+            ("\"deviations\": \"", "\"deviations\": \"AAAAAAAAAAAAAAAA", "deviations and"),
+            ("\"deviations\": \"", "\"deviations\": \"?", "Invalid symbol"),
             ("    8,", "    4294967296,", "features"),
             ("{", "", "x.json"),
         ] {

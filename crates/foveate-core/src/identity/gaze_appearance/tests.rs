@@ -161,7 +161,7 @@ fn settled_it_is_as_if_it_had_always_looked_there() {
     other.load(&settled.save()).expect("it was saved");
     assert_eq!(judge(&mut other, Gaze::CENTRE), judge(&mut settled, Gaze::CENTRE));
     let mut saved = settled.save().read::<serde_json::Value>().expect("any value");
-    saved["home"]["u"] = serde_json::json!(1e9);
+    saved["committed"]["u"] = serde_json::json!(1e9);
     assert!(other.load(&SavedState::new(&saved)).is_err(), "a gaze far from the template");
     settled.init_template(&image, &at, EXTENT, streams);
     assert_eq!(judge(&mut settled, Gaze::CENTRE), centred);
