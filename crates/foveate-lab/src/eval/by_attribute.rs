@@ -46,7 +46,7 @@ pub struct Against {
 pub fn groups(sequences: &[Sequence], evaluations: &[Evaluation]) -> Vec<Group> {
     let known: Vec<(&Sequence, Vec<Attribute>)> = (sequences.iter())
         .filter(|s| evaluations.iter().all(|e| e.rows.iter().any(|row| row.sequence == s.name)))
-        .map(|s| (s, catalogue::attributes(s)))
+        .map(|s| (s, catalogue::attributes(&s.name, &s.truth)))
         .collect();
     let group = |name: String, such: &dyn Fn(&Sequence, &[Attribute]) -> bool| {
         let such = known.iter().filter(|(s, attributes)| such(s, attributes));
@@ -153,7 +153,7 @@ pub fn json(sequences: &[Sequence], groups: &[Group], evaluations: &[Evaluation]
     };
     let source = |s: &Sequence| {
         let catalogue::Origin { source, half, kind } = &s.origin;
-        let attributes: Vec<&str> = catalogue::attributes(s).iter().map(|a| a.name()).collect();
+        let attributes: Vec<&str> = catalogue::attributes(&s.name, &s.truth).iter().map(|a| a.name()).collect();
         json!({ "sequence": s.name, "source": source, "half": half, "kind": kind, "attributes": attributes })
     };
     [

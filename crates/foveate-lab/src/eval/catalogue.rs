@@ -9,9 +9,9 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use foveate_base::{Error, Result};
+use foveate_core::geometry::BBox;
 use serde::{Deserialize, Serialize};
 
-use super::Sequence;
 use super::attributes::{Attribute, computed};
 
 /// One of the two halves.
@@ -120,10 +120,10 @@ pub(super) fn of_folder(folder: &Path) -> Result<BTreeMap<String, Origin>> {
     Ok(found)
 }
 
-/// Returns the attributes of a sequence, in the order of tables: the listed labels, and those computed from its true boxes.
-pub fn attributes(sequence: &Sequence) -> Vec<Attribute> {
-    let mut found = computed(&sequence.truth);
-    found.extend(listed(&sequence.name).iter().flat_map(|entry| &entry.labels));
+/// Returns the attributes of a sequence with these true boxes, in the order of tables: the listed labels, and those computed from the boxes.
+pub fn attributes(sequence: &str, truth: &[Option<BBox>]) -> Vec<Attribute> {
+    let mut found = computed(truth);
+    found.extend(listed(sequence).iter().flat_map(|entry| &entry.labels));
     found.sort();
     found
 }
@@ -203,11 +203,9 @@ mod tests {
 
     #[test]
     fn attributes_come_from_labels_and_boxes() {
-        let b = foveate_core::geometry::BBox { x: 0.0, y: 0.0, w: 10.0, h: 10.0 };
-        let mut sequence = Sequence::named("Bolt2", vec![Some(b); 3]);
+        let truth = [Some(BBox { x: 0.0, y: 0.0, w: 10.0, h: 10.0 }); 3];
         let (d, l) = (Attribute::Deformation, Attribute::LookAlikes);
-        assert_eq!(attributes(&sequence), [d, Attribute::LowResolution, l, Attribute::CameraMotion]);
-        sequence.name = "unheard of".into();
-        assert_eq!(attributes(&sequence), [Attribute::LowResolution]);
+        assert_eq!(attributes("Bolt2", &truth), [d, Attribute::LowResolution, l, Attribute::CameraMotion]);
+        assert_eq!(attributes("unheard of", &truth), [Attribute::LowResolution]);
     }
 }
