@@ -17,7 +17,7 @@ pub mod configure {
 }
 /// Training runs: glimpses, files, checkpoints, progress.
 pub mod training {
-    pub use crate::cmd::train::common::{Files, Glimpses, Natural};
+    pub use crate::cmd::train::common::{Args, Glimpses, Recipe};
 }
 /// Videos with ground truth.
 pub mod videos {

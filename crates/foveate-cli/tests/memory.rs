@@ -123,14 +123,11 @@ fn nothing_that_is_asked_for_is_taken_first() {
     write("inits.txt", boxes.as_bytes());
     refused(&["track", "video", "--inits", "inits.txt"], "10000 targets");
     refused(&["track", "video", "--set", "particles=1000000"], "1000000 of them");
-    refused(
-        &["train", "rbm", "--data", ".", "--set", "digits", "--hidden", "1000000000", "--out", "m.safetensors"],
-        "65536",
-    );
-
-    let train = ["train", "rbm", "--data", "video/img", "--set", "natural", "--out", "m.safetensors", "--glimpses"];
-    for many in ["1000000000", "18446744073709551615"] {
-        refused(&[&train[..], &[many]].concat(), &format!("{many} glimpses"));
+    let train = ["train", "rbm", "--data", "video/img", "--out", "m.safetensors", "--set"];
+    refused(&[&train[..], &["training.hidden=1000000000"]].concat(), "65536");
+    for many in ["1000000000", "9223372036854775807"] {
+        let setting = format!("glimpses.number={many}");
+        refused(&[&train[..], &[&setting]].concat(), &format!("{many} glimpses"));
     }
 
     // What is read without end.

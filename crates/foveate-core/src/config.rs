@@ -74,6 +74,8 @@ pub use reading::RECOGNISERS;
 pub use recogniser::RecogniserConfig;
 pub use rewards::RewardConfig;
 pub use schema::{Config, DynamicsConfig, LikelihoodConfig, RetinaConfig};
+#[doc(hidden)]
+pub use set::{changed, parse};
 
 impl Config {
     /// Reads a configuration; `name` stands for it in errors.
@@ -83,8 +85,7 @@ impl Config {
 
     /// Reads a configuration whose sections may name `parts` beside those of the library; `name` stands for it in errors.
     pub fn parse_with(text: &str, name: &str, parts: &Parts) -> Result<Self> {
-        sections::reading(parts, || toml::from_str(text))
-            .map_err(|e: toml::de::Error| Error::Config(format!("{name}: {}", Self::problem(&e.to_string()))))
+        sections::reading(parts, || parse(text, name))
     }
 
     /// The same configuration, whose sections may name `parts` from now on.

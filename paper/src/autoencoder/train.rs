@@ -42,7 +42,8 @@ pub(crate) struct Recipe {
 }
 
 impl Recipe {
-    /// Returns the default settings, to be changed field by field.
+    /// Returns settings for tests, to be changed field by field.
+    #[cfg(test)]
     pub(crate) fn new(hidden: usize) -> Self {
         let (mask, noise) = (0.3, 0.5);
         Self { hidden, epochs: 30, batch: 100, rate: 0.5, momentum: 0.9, mask, noise, l2: 1e-3, seed: 1 }

@@ -15,7 +15,7 @@ mod tests;
 mod train;
 
 pub(crate) use self::encoder::FactoredEncoder;
-pub(crate) use self::recipe::{Negative, Pooling, Recipe};
+pub(crate) use self::recipe::{Negative, Recipe};
 pub(crate) use self::train::Trainer;
 
 use foveate::learn::rbm::Whitening;

@@ -62,7 +62,8 @@ pub(crate) enum Negative {
 }
 
 impl Recipe {
-    /// Returns the authors' settings, to be changed field by field.
+    /// Returns settings for tests, to be changed field by field.
+    #[cfg(test)]
     pub(crate) fn new(factors: usize, means: usize) -> Self {
         Self {
             factors,

@@ -2,6 +2,7 @@
 
 use super::energy::Scratch;
 use super::hmc::Potential;
+use super::recipe::Pooling;
 use super::*;
 use foveate::learn::rbm::Metadata;
 use foveate::learn::training::Training;

@@ -1,136 +1,38 @@
 //! Implements `paper train mcrbm`: a factored RBM, of covariance and mean units, from natural glimpses.
 
-use crate::mcrbm::{FactoredRbm, Negative, Pooling, Recipe, Trainer, Units};
-use clap::ValueEnum;
+use crate::mcrbm::{FactoredRbm, Recipe, Trainer, Units};
 use foveate::Result;
 use foveate::identity::retina::Retina;
 use foveate::lab::training::filters;
+use foveate::learn::rbm::Visible;
 use foveate::rows::{Rows, RowsMut};
 
 use foveate_cli::say;
-use foveate_cli::training::{Glimpses, Natural};
+use foveate_cli::training::{self, Glimpses};
+
+/// Shipped recipes.
+const RECIPES: [(&str, &str); 1] = [("mcrbm", include_str!("../../recipes/mcrbm.toml"))];
 
 /// Train a factored RBM, of covariance and mean units, on glimpses of natural photographs.
 ///
 /// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives the same result bit for
 /// bit. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
+#[command(after_long_help = RECIPES[0].1)]
 pub(crate) struct Args {
     #[command(flatten)]
-    natural: Natural,
-    /// Factors; the square of an even number for pooling over a grid.
-    #[arg(long, default_value_t = 256)]
-    factors: usize,
-    /// Initial factors of a covariance unit: one, or 3 x 3 neighbours on a grid.
-    #[arg(long, value_enum, default_value = "single")]
-    pooling: PoolingName,
-    /// Mean units.
-    #[arg(long, default_value_t = 100)]
-    means: usize,
-    /// Fraction of the glimpses' variance that whitening keeps.
-    #[arg(long, default_value_t = 0.99)]
-    keep: f64,
-    /// Passes over the glimpses.
-    #[arg(long, default_value_t = 50)]
-    epochs: usize,
-    /// Size of a mini-batch.
-    #[arg(long, default_value_t = 128)]
-    batch: usize,
-    /// Learning rate.
-    #[arg(long, default_value_t = 0.075)]
-    rate: f32,
-    /// Epoch after which the learning rate falls as 1 / epoch.
-    #[arg(long, default_value_t = 20)]
-    anneal: usize,
-    /// Start of the model's own glimpses in every batch: at the data, or at the end of the previous batch.
-    #[arg(long, value_enum, default_value = "persistent")]
-    negative: NegativeName,
-    /// Leapfrog steps per batch.
-    #[arg(long, alias = "leaps", default_value_t = 20)]
-    leapfrog_steps: usize,
-    /// Target rejection rate of proposals.
-    #[arg(long, default_value_t = 0.1)]
-    rejection: f32,
-    /// First epoch with --l1 weight decay, counted from 0.
-    #[arg(long, default_value_t = 10)]
-    settle: usize,
-    /// First epoch in which pooling weights are learned, counted from 0; default: never.
-    #[arg(long)]
-    learn_pooling: Option<usize>,
-    /// L1 weight decay.
-    #[arg(long, default_value_t = 0.001)]
-    l1: f32,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum PoolingName {
-    Single,
-    Grid,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum NegativeName {
-    Contrastive,
-    Persistent,
-}
-
-impl Args {
-    fn recipe(&self) -> Recipe {
-        Recipe {
-            pooling: match self.pooling {
-                PoolingName::Single => Pooling::Single,
-                PoolingName::Grid => Pooling::Grid,
-            },
-            keep: self.keep,
-            epochs: self.epochs,
-            batch: self.batch,
-            rate: self.rate,
-            anneal: self.anneal,
-            negative: match self.negative {
-                NegativeName::Contrastive => Negative::Contrastive,
-                NegativeName::Persistent => Negative::Persistent,
-            },
-            leapfrog_steps: self.leapfrog_steps,
-            rejection: self.rejection,
-            settle: self.settle,
-            learn_pooling: self.learn_pooling,
-            l1: self.l1,
-            seed: self.natural.seed,
-            ..Recipe::new(self.factors, self.means)
-        }
-    }
-    /// Returns the command that makes the same model, with every setting explicit and folders left open.
-    fn command(&self, glimpses: &Glimpses) -> String {
-        let name = |value: Option<clap::builder::PossibleValue>| value.expect("a name").get_name().to_string();
-        let pooling = self.learn_pooling.map_or(String::new(), |from| format!(" --learn-pooling {from}"));
-        format!(
-            "{} --factors {} --pooling {} --means {} --keep {} --epochs {} --batch {} --rate {} --anneal {} \
-             --negative {} --leapfrog-steps {} --rejection {} --settle {} --l1 {}{pooling} --out FILE",
-            self.natural.command("mcrbm", glimpses.retina.config()),
-            self.factors,
-            name(self.pooling.to_possible_value()),
-            self.means,
-            self.keep,
-            self.epochs,
-            self.batch,
-            self.rate,
-            self.anneal,
-            name(self.negative.to_possible_value()),
-            self.leapfrog_steps,
-            self.rejection,
-            self.settle,
-            self.l1
-        )
-    }
+    common: training::Args,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let (files, recipe) = (args.natural.files()?, args.recipe());
-    recipe.check()?;
-    let glimpses = args.natural.glimpses()?;
+    let (files, args) = (args.common.files()?, &args.common);
+    let recipe: training::Recipe<Recipe> = args.recipe(&RECIPES)?;
+    let r = &recipe.training;
+    r.check()?;
+    let glimpses = Glimpses::look(&recipe.glimpses, &args.data, Visible::Gaussian, r.seed)?;
     let trainer = files.train::<Trainer, _>(
-        &recipe,
+        r,
         &glimpses.sha256,
         |_| Ok(glimpses.rows()),
         |rows| *rows,
@@ -154,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         sizes.covariance,
         sizes.mean
     );
-    rbm.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
+    rbm.save(files.model, &glimpses.metadata(args.command("mcrbm", &recipe), r.seed, r.epochs))?;
     let (factors, means) = (rbm.factor_filters(), rbm.mean_filters());
     // The factors' filters, then the mean units' filters.
     let both: Vec<f32> = (factors.chunks_exact(sizes.factors).zip(means.chunks_exact(sizes.mean)))

@@ -7,8 +7,9 @@ use crate::photographs::write_photographs;
 use crate::training::{fails, said, train, whole_and_cut};
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
-    let data = ["mcrbm", "--means", "9", "--held-out", "100", "--rings", "8/1,16/2"];
-    let settings = ["--pooling", "grid", "--batch", "50", "--leapfrog-steps", "5", "--learn-pooling", "3"];
+    let data = ["mcrbm", "training.means=9", "glimpses.held_out=100", "glimpses.retina.rings=[[8, 1], [16, 2]]"];
+    let settings =
+        ["training.pooling=grid", "training.batch=50", "training.leapfrog_steps=5", "training.learn_pooling=3"];
     train(dir, out, &[&data[..], &settings].concat(), extra)
 }
 
@@ -16,7 +17,7 @@ fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
 fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_model_tracks() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_photographs(dir.path());
-    let epochs = ["--epochs", "20", "--factors", "16", "--glimpses", "1500"];
+    let epochs = ["training.epochs=20", "training.factors=16", "glimpses.number=1500"];
     let train = |out| command(dir.path(), out, &epochs);
     let (whole, rest) = whole_and_cut(dir.path(), &train, &["epoch 1/20", "epoch 5/20"]);
     assert!(whole.contains("epoch 20/20  free energy") && whole.contains("16 factors, 4 covariance"), "{whole}");
@@ -61,7 +62,7 @@ fn mistakes_are_told_before_the_work() {
     let says = |extra: &[&str], words: &str| fails(command(dir.path(), "m.safetensors", extra), words);
     says(&[], "no photographs here");
     write_photographs(dir.path());
-    says(&["--factors", "15"], "square of an even number");
-    says(&["--factors", "16", "--glimpses", "20"], "full batch");
-    says(&["--factors", "16", "--rejection", "2"], "rejected");
+    says(&["training.factors=15"], "square of an even number");
+    says(&["training.factors=16", "glimpses.number=20"], "full batch");
+    says(&["training.factors=16", "training.rejection=2"], "rejected");
 }

@@ -32,8 +32,11 @@ fn a_track_says_what_it_follows() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let dir = dir.path();
     write_digits(dir);
-    let train = ["train", "fixations", "--config", "digits", "--data", ".", "--out", "m.safetensors"];
-    said(&foveate(dir, &[&train[..], &["--hidden", "8", "--factors", "8", "--epochs", "1"]].concat()));
+    let train = ["train", "fixations", "--data", ".", "--out", "m.safetensors", "--set", "config=digits", "--set"];
+    said(&foveate(
+        dir,
+        &[&train[..], &["training.hidden=8", "--set", "training.factors=8", "--set", "training.epochs=1"]].concat(),
+    ));
     said(&foveate(dir, &["synth", "clutter", "--frames", "8", "--out", "video"]));
     let track = |out: &str, more: &[&str]| {
         said(&foveate(dir, &[&["track", "video", "-c", "digits", "--no-video", "-o", out][..], more].concat()))

@@ -24,7 +24,7 @@ fn write_digits(dir: &Path) {
 }
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
-    let args = ["fixations", "--hidden", "24", "--factors", "16", "--batch", "20", "--rate", "0.02"];
+    let args = ["fixations", "training.hidden=24", "training.factors=16", "training.batch=20", "training.rate=0.02"];
     train(dir, out, &args, extra)
 }
 
@@ -32,7 +32,7 @@ fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
 fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
-    let epochs = ["--epochs", "12", "--clean"];
+    let epochs = ["training.epochs=12", "clean=true"];
     let (whole, rest) = whole_and_cut(dir.path(), &|out| command(dir.path(), out, &epochs), &["epoch 2/12"]);
     assert!(whole.contains("epoch 12/12  log p(y|x)"), "{whole}");
     assert!(whole.contains("40 test digits, centred and alone"), "{whole}");
@@ -45,9 +45,11 @@ fn the_papers_way_and_larochelle_and_hintons() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
     let run = |out: &str, extra: &[&str]| said(command(dir.path(), out, extra));
-    let words = run("paper.safetensors", &["--cost", "generative", "--gates", "linear", "--clean", "--epochs", "4"]);
+    let layered =
+        ["training.cost=generative", "training.classes=0", "training.gates=linear", "clean=true", "training.epochs=4"];
+    let words = run("paper.safetensors", &layered);
     assert!(words.contains("paper.safetensors.softmax") && words.contains("40 test digits"), "{words}");
-    let words = run("lh.safetensors", &["--larochelle-hinton", "--cost", "hybrid", "--epochs", "10"]);
+    let words = run("lh.safetensors", &["--recipe", "larochelle-hinton", "training.cost=hybrid", "training.epochs=10"]);
     assert!(words.contains("96 values a fixation, 4 fixations"), "{words}");
     assert!(words.contains("40 test digits, all 4 fixations"), "{words}");
 }
@@ -57,10 +59,10 @@ fn what_cannot_be_done_is_said_before_the_work() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
     for (extra, word) in [
-        (&["--config", "no-such.toml"][..], "no-such.toml"),
-        (&["--alpha=-1"], "alpha"),
-        (&["--digits", "3"], "at least 10"),
-        (&["--reach", "7"], "--reach"),
+        (&["config=no-such.toml"][..], "no-such.toml"),
+        (&["training.alpha=-1"], "alpha"),
+        (&["digits=3"], "at least 10"),
+        (&["within=7"], "within"),
     ] {
         fails(command(dir.path(), "x.safetensors", extra), word);
     }

@@ -8,7 +8,7 @@ use crate::photographs::write_photographs;
 use crate::training::{fails, train, whole_and_cut};
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
-    let args = ["kmeans", "--glimpses", "1500", "--held-out", "100", "--rings", "8/1,16/2"];
+    let args = ["kmeans", "glimpses.number=1500", "glimpses.held_out=100", "glimpses.retina.rings=[[8, 1], [16, 2]]"];
     train(dir, out, &args, extra)
 }
 
@@ -16,7 +16,7 @@ fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
 fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_filters_serve_any_retina() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_photographs(dir.path());
-    let settings = ["--epochs", "40", "--units", "24", "--patch", "4", "--patches", "20000"];
+    let settings = ["training.epochs=40", "training.filters=24", "patch=4", "patches=20000"];
     let train = |out| command(dir.path(), out, &settings);
     let (whole, _) = whole_and_cut(dir.path(), &train, &["epoch 2/40"]);
     assert!(whole.contains("epoch 40/40  variance left") && whole.contains("patches of 16 values"), "{whole}");
@@ -44,8 +44,8 @@ fn mistakes_are_told_before_the_work() {
     let says = |extra: &[&str], words: &str| fails(command(dir.path(), "m.safetensors", extra), words);
     says(&[], "no photographs here");
     write_photographs(dir.path());
-    says(&["--units", "401"], "401 is not in 1..=400");
-    says(&["--patch", "9"], "9 is not in 2..=8");
-    says(&["--softening", "0"], "softening is above 0");
-    says(&["--patches", "10"], "need as many patches");
+    says(&["training.filters=4097"], "filters are 1 to 4096, got 4097");
+    says(&["patch=9"], "patch is 2 to 8 cells, got 9");
+    says(&["training.softening=0"], "softening is above 0");
+    says(&["patches=10"], "need as many patches");
 }

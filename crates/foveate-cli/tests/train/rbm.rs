@@ -22,15 +22,16 @@ fn write_digits(dir: &Path) {
 }
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
-    let data = ["rbm", "--set", "digits", "--hidden", "40", "--glimpses", "3000", "--held-out", "100"];
-    train(dir, out, &[&data[..], &["--rings", "8/1,16/2", "--method", "sml"]].concat(), extra)
+    let data = ["rbm", "--recipe", "digits", "training.hidden=40", "glimpses.number=3000", "glimpses.held_out=100"];
+    let negative = "training.negative={ persistent = { chains = 100, steps = 1 } }";
+    train(dir, out, &[&data[..], &["glimpses.retina.rings=[[8, 1], [16, 2]]", negative]].concat(), extra)
 }
 
 #[test]
 fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
-    let epochs = ["--epochs", "40"];
+    let epochs = ["training.epochs=40"];
     let train = |out| command(dir.path(), out, &epochs);
     let (whole, rest) = whole_and_cut(dir.path(), &train, &["epoch 1/40", "epoch 10/40"]);
     assert!(whole.contains("epoch 40/40  reconstruction") && whole.contains("pseudo-log-likelihood"), "{whole}");
@@ -43,7 +44,7 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
 fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
-    let mut child = command(dir.path(), "m.safetensors", &["--epochs", "100000"]).spawn().expect("it runs");
+    let mut child = command(dir.path(), "m.safetensors", &["training.epochs=100000"]).spawn().expect("it runs");
     let mut out = BufReader::new(child.stdout.take().expect("piped"));
     let mut line = String::new();
     while !line.starts_with("epoch 2") {
@@ -57,8 +58,8 @@ fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
     assert!(rest.contains("the same command goes on from there"), "{rest}");
     assert!(dir.path().join("m.safetensors.checkpoint").exists() && !dir.path().join("m.safetensors").exists());
     // With another recipe it does not go on, and says why; --restart begins anew.
-    fails(command(dir.path(), "m.safetensors", &["--epochs", "2", "--rate", "0.3"]), "it was begun as");
-    let anew = command(dir.path(), "m.safetensors", &["--epochs", "2", "--rate", "0.3", "--restart"]).status();
+    fails(command(dir.path(), "m.safetensors", &["training.epochs=2", "training.rate=0.3"]), "it was begun as");
+    let anew = command(dir.path(), "m.safetensors", &["training.epochs=2", "training.rate=0.3", "--restart"]).status();
     assert!(anew.expect("it runs").success());
 }
 
@@ -68,9 +69,11 @@ fn mistakes_are_told_before_the_work() {
     let says = |extra: &[&str], words: &str| fails(command(dir.path(), "m.safetensors", extra), words);
     says(&[], "train-images-idx3-ubyte");
     write_digits(dir.path());
-    says(&["--momentum", "1"], "momentum");
-    says(&["--batch", "0"], "rows of a batch");
-    says(&["--filters", "no/such/folder/f.png"], "there is no folder no/such/folder to write it to");
-    says(&["--colour", "16"], "WINDOW/CELL");
-    says(&["--config", "none.toml", "--side", "20"], "cannot be used with");
+    says(&["training.momentum=1"], "momentum");
+    says(&["training.batch=0"], "rows of a batch");
+    says(&["training.bach=3"], "unknown field `bach`, expected one of");
+    says(&["glimpses.retina.colour=[16]"], "expected an array of length 2");
+    says(&["--recipe", "none.toml"], "recipes that ship with the program: natural, digits");
+    let elsewhere = command(dir.path(), "no/such/folder/m.safetensors", &[]);
+    fails(elsewhere, "no/such/folder to write it to");
 }

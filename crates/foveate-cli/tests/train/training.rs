@@ -10,11 +10,13 @@ const PROGRAM: &str = match (option_env!("CARGO_BIN_EXE_foveate"), option_env!("
     (None, None) => panic!("tests are built with a program"),
 };
 
-/// `foveate train` with these arguments, on the data in a folder, to a model in the same folder.
+/// `foveate train` with these arguments and settings (`key=value`), on the data in a folder, to a model in the same folder.
 pub(crate) fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Command {
     let mut command = Command::new(PROGRAM);
-    command.arg("train").args(args).args(["--threads", "2", "--data"]).arg(dir);
-    command.arg("--out").arg(dir.join(out)).args(extra);
+    command.args(["train", args[0], "--threads", "2", "--data"]).arg(dir).arg("--out").arg(dir.join(out));
+    for arg in args[1..].iter().chain(extra) {
+        command.args(arg.contains('=').then_some("--set")).arg(arg);
+    }
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }

@@ -1,49 +1,61 @@
-//! One setting of a configuration changed by its key, as a command line has it: `policy.kind=hedge`.
+//! Settings from TOML, and one of them changed by its key, as a command line has it: `policy.kind=hedge`.
 
 use super::Config;
 use super::sections::reading;
 use foveate_base::{Error, Result};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// Reads settings from TOML; `name` stands for the text in errors.
+pub fn parse<T: DeserializeOwned>(text: &str, name: &str) -> Result<T> {
+    toml::from_str(text).map_err(|e| Error::Config(format!("{name}: {}", Config::problem(&e.to_string()))))
+}
+
+/// The same with one setting changed: `setting` is `key=value`, the key with dots, the value as TOML has it, or a bare word
+/// for a string. Another `kind` of a part begins with that kind's defaults. `none` leaves the key out, as a file that
+/// does not have it.
+///
+/// # Errors
+/// [`Error::Config`] where it has no `=`, the key is none, or the value does not fit.
+pub fn changed<T: Serialize + DeserializeOwned>(settings: &T, setting: &str) -> Result<T> {
+    let wrong = |why: String| Error::Config(format!("{setting}: {why}"));
+    let (key, text) = setting
+        .split_once('=')
+        .map(|(key, text)| (key.trim(), text.trim()))
+        .filter(|(key, text)| !key.is_empty() && !text.is_empty())
+        .ok_or_else(|| wrong("expected key=value, for example particles=400 or policy.kind=hedge".into()))?;
+    let value = match toml::from_str::<toml::Table>(&format!("value = {text}")) {
+        Ok(mut table) => table.remove("value").expect("it was just written"),
+        Err(_) if text.chars().all(|c| c.is_alphanumeric() || "-_:./".contains(c)) => toml::Value::String(text.into()),
+        Err(e) => return Err(wrong(e.to_string())),
+    };
+    let mut whole = toml::Table::try_from(settings).expect("settings are plain data");
+    let mut table = &mut whole;
+    let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
+    for part in path.split('.').filter(|part| !part.is_empty()) {
+        let inner = table.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        table = inner.as_table_mut().ok_or_else(|| wrong(format!("{part} is a value, not a section")))?;
+    }
+    if last == "kind" && table.get("kind") != Some(&value) {
+        table.clear();
+    }
+    if value.as_str() == Some("none") {
+        table.remove(last).ok_or_else(|| wrong("there is none to leave out".into()))?;
+    } else {
+        table.insert(last.into(), value);
+    }
+    // Its place in text that nobody wrote is of no use.
+    let text = toml::to_string(&whole).expect("it is a table");
+    toml::from_str(&text).map_err(|e| wrong(Config::problem(e.message())))
+}
 
 impl Config {
-    /// The same with one setting changed: `setting` is `key=value`, the key with dots, the value as TOML has it, or a bare word
-    /// for a string. Another `kind` of a part begins with that kind's defaults. `none` leaves the key out, as a file that
-    /// does not have it.
+    /// The same with one setting changed, see [`changed`].
     ///
     /// # Errors
-    /// [`Error::Config`] where it has no `=`, the key is none, or the value does not fit.
+    /// As [`changed`].
     pub fn set(&self, setting: &str) -> Result<Self> {
-        let wrong = |why: String| Error::Config(format!("{setting}: {why}"));
-        let (key, text) = setting
-            .split_once('=')
-            .map(|(key, text)| (key.trim(), text.trim()))
-            .filter(|(key, text)| !key.is_empty() && !text.is_empty())
-            .ok_or_else(|| wrong("expected key=value, for example particles=400 or policy.kind=hedge".into()))?;
-        let value = match toml::from_str::<toml::Table>(&format!("value = {text}")) {
-            Ok(mut table) => table.remove("value").expect("it was just written"),
-            Err(_) if text.chars().all(|c| c.is_alphanumeric() || "-_:./".contains(c)) => {
-                toml::Value::String(text.into())
-            }
-            Err(e) => return Err(wrong(e.to_string())),
-        };
-        let mut whole = toml::Table::try_from(self).expect("a configuration is plain data");
-        let mut table = &mut whole;
-        let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
-        for part in path.split('.').filter(|part| !part.is_empty()) {
-            let inner = table.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            table = inner.as_table_mut().ok_or_else(|| wrong(format!("{part} is a value, not a section")))?;
-        }
-        if last == "kind" && table.get("kind") != Some(&value) {
-            table.clear();
-        }
-        if value.as_str() == Some("none") {
-            table.remove(last).ok_or_else(|| wrong("the configuration has none to leave out".into()))?;
-        } else {
-            table.insert(last.into(), value);
-        }
-        // Its place in text that nobody wrote is of no use.
-        let text = toml::to_string(&whole).expect("it is a table");
-        reading(&self.parts, || toml::from_str(&text))
-            .map_err(|e: toml::de::Error| Error::Config(format!("{setting}: {}", Self::problem(e.message()))))
+        reading(&self.parts, || changed(self, setting))
     }
 }
 

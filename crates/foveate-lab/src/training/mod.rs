@@ -17,7 +17,7 @@ use foveate_base::{Error, Result, files, memory};
 use foveate_core::geometry::{Extent, Fixation};
 use foveate_core::identity::encoder::{Encoder, Raw};
 use foveate_core::identity::pyramid::{Pyramid, Region};
-use foveate_core::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate_core::identity::retina::{Foveal, Retina};
 use foveate_core::scene::Image;
 use foveate_learn::rbm::Visible;
 use foveate_video::decode_image;
@@ -200,22 +200,11 @@ fn photographs(dir: &Path) -> Result<(Vec<Image>, String)> {
     Ok((images, hex(sha)))
 }
 
-/// Returns the retina of a configuration file; ignores all other tables than `[retina]`.
-pub fn retina_of_config(path: &Path) -> Result<FovealConfig> {
-    #[derive(Deserialize)]
-    struct Only {
-        retina: foveate_core::config::RetinaConfig,
-    }
-    let text = files::read_text(path, files::TEXT)?;
-    let Only { retina: foveate_core::config::RetinaConfig::Foveal(config) } =
-        toml::from_str(&text).map_err(|e| Error::Config(format!("{}: {e}", path.display())))?;
-    Ok(config)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use foveate_core::identity::encoder;
+    use foveate_core::identity::retina::FovealConfig;
 
     /// Returns ten digits that are filled squares.
     fn squares(n: usize) -> Digits {

@@ -94,7 +94,7 @@ impl Args {
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> Result<()> {
-    let files = Files::of(&args.out, None, args.restart)?;
+    let files = Files::of(&args.out, args.restart)?;
     let (config, folder) = args.layer()?;
     let (retina, encoder) = config.identity(&folder)?;
     let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");

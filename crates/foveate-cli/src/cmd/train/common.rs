@@ -1,17 +1,21 @@
-//! Shared parts of the training commands: glimpses, files, and resuming after an interruption.
+//! Shared parts of the training commands: recipes, glimpses, files, and the loop with its checkpoints.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use foveate::config::{changed, parse};
 use foveate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate::lab::training;
 use foveate::lab::training::{Set, Source};
-use foveate::learn::rbm::{Metadata, Visible};
+use foveate::learn::rbm::{Metadata, Visible, io};
 use foveate::learn::training::Training;
 use foveate::rows::Rows;
 use foveate::scene::Image;
 use foveate::video::save_png;
-use foveate::{Error, Result};
+use foveate::{Error, Result, files};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use crate::cmd::results::writable;
 use crate::terminal;
@@ -22,42 +26,44 @@ const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
 /// Number of training rows and of held-out rows that are monitored after every epoch.
 const MONITORED: usize = 500;
 
-/// Arguments for a model of glimpses of natural photographs.
+/// Arguments of a training with a recipe.
 #[derive(Debug, clap::Args)]
-pub struct Natural {
-    /// Folder of photographs, JPEG or PNG (or with a folder `natural` of them).
+pub struct Args {
+    /// Folder with the data: the four MNIST files (or a folder `mnist` of them), or photographs, JPEG or PNG (or a folder `natural` of them).
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
     /// Output model file.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Take the retina from the table `retina` of this configuration.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["side", "rings", "colour"])]
-    pub config: Option<PathBuf>,
-    /// Template pixels along a side of the target's box.
-    #[arg(long, default_value_t = 28.0)]
-    pub side: f64,
-    /// Windows of the retina from the inside out, WINDOW/CELL in template pixels.
-    #[arg(long, value_delimiter = ',', default_value = "8/1,16/2,32/4", value_parser = super::ring)]
-    pub rings: Vec<[usize; 2]>,
-    /// Windows that read the colour opponent channels, WINDOW/CELL.
-    #[arg(long, value_delimiter = ',', value_parser = super::ring)]
-    pub colour: Vec<[usize; 2]>,
-    /// Number of training glimpses.
-    #[arg(long, default_value_t = 100_000)]
-    pub glimpses: usize,
-    /// Number of glimpses of held-out pictures, for monitoring.
-    #[arg(long, default_value_t = 2000)]
-    pub held_out: usize,
-    /// Random seed; the same seed gives the same model.
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-    /// Output picture of the filters; default: the model's name with .png.
-    #[arg(long, value_name = "FILE")]
-    pub filters: Option<PathBuf>,
+    /// Recipe: a TOML file with all settings, or the name of a shipped recipe.
+    #[arg(long, value_name = "FILE|NAME")]
+    recipe: Option<String>,
+    /// Change one setting of the recipe, for example training.epochs=10. KEY=none removes a setting. Repeatable.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
     /// Start from the beginning, even if there is a checkpoint.
     #[arg(long)]
     pub restart: bool,
+}
+
+/// A recipe of a model of glimpses.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recipe<R> {
+    /// The glimpses.
+    pub glimpses: GlimpseRecipe,
+    /// How the model learns.
+    pub training: R,
+}
+
+/// The glimpses of a training.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GlimpseRecipe {
+    set: Set,
+    number: usize,
+    held_out: usize,
+    retina: FovealConfig,
 }
 
 /// Training and monitoring glimpses, n × the number of retina values.
@@ -65,71 +71,48 @@ pub struct Natural {
 pub struct Glimpses {
     /// The retina of the glimpses.
     pub retina: Foveal,
-    /// Training glimpses.
-    pub learn: Vec<f32>,
-    /// Glimpses of held-out pictures.
-    pub held: Vec<f32>,
+    learn: Vec<f32>,
+    held: Vec<f32>,
     /// Digest that identifies `learn`.
     pub sha256: String,
     pictures_sha256: String,
     pictures: String,
 }
 
-impl Natural {
+impl Args {
     /// Returns the output files of the training.
     pub fn files(&self) -> Result<Files<'_>> {
-        Files::of(&self.out, self.filters.as_deref(), self.restart)
+        Files::of(&self.out, self.restart)
     }
-    /// Reads the photographs, takes the glimpses, and prints a summary.
-    pub fn glimpses(&self) -> Result<Glimpses> {
-        let retina = retina(self.config.as_deref(), self.side, &self.rings, &self.colour)?;
-        Glimpses::look(retina, (Set::Natural, &self.data), [self.glimpses, self.held_out], Visible::Gaussian, self.seed)
+    /// Reads the recipe, by default the first of `shipped`, which are names and TOML texts, and applies the changes.
+    pub fn recipe<T: Serialize + DeserializeOwned>(&self, shipped: &[(&str, &'static str)]) -> Result<T> {
+        let name = self.recipe.as_deref().unwrap_or(shipped[0].0);
+        let text = match shipped.iter().find(|(it, _)| *it == name) {
+            Some((_, text)) => Cow::from(*text),
+            None => files::read_text(Path::new(name), files::TEXT).map(Cow::from).map_err(|e| {
+                let names: Vec<_> = shipped.iter().map(|(it, _)| *it).collect();
+                Error::Config(format!("{e}; recipes that ship with the program: {}", names.join(", ")))
+            })?,
+        };
+        self.set.iter().try_fold(parse(&text, name)?, |recipe, setting| changed(&recipe, setting))
     }
-    /// Returns the part of the command that specifies the glimpses, with folders left open.
-    pub fn command(&self, kind: &str, retina: &FovealConfig) -> String {
-        format!(
-            "foveate train {kind} --data DIR --side {} --rings {} --glimpses {} --seed {}{}",
-            retina.side,
-            rings(&retina.rings),
-            self.glimpses,
-            self.seed,
-            colour(retina)
-        )
+    /// Returns the command that makes the same model, with folders left open, and its recipe.
+    pub fn command(&self, kind: &str, recipe: &impl Serialize) -> String {
+        let recipe = toml::to_string(recipe).expect("a recipe is plain data");
+        format!("{} --data DIR --recipe FILE --out FILE, with the recipe:\n{recipe}", io::command(kind))
     }
-}
-
-/// Returns the retina of a configuration, or one with these windows. Fails if the configuration has no retina, or the windows do not fit.
-pub(crate) fn retina(config: Option<&Path>, side: f64, rings: &[[usize; 2]], colour: &[[usize; 2]]) -> Result<Foveal> {
-    Foveal::new(match config {
-        Some(path) => training::retina_of_config(path)?,
-        None => FovealConfig { side, rings: rings.to_vec(), colour: colour.to_vec() },
-    })
-}
-
-/// Formats windows as `--rings` takes them.
-pub(crate) fn rings(rings: &[[usize; 2]]) -> String {
-    rings.iter().map(|r| format!("{}/{}", r[0], r[1])).collect::<Vec<_>>().join(",")
-}
-
-/// Returns ` --colour WINDOWS` if the retina has such windows.
-pub(crate) fn colour(retina: &FovealConfig) -> String {
-    if retina.colour.is_empty() { String::new() } else { format!(" --colour {}", rings(&retina.colour)) }
 }
 
 impl Glimpses {
-    /// Reads the pictures of a set in a folder, takes `counts` training and held-out glimpses, and prints a summary. Fails before reading
-    /// if a count is 0.
-    pub fn look(
-        retina: Foveal,
-        (set, data): (Set, &Path),
-        counts: [usize; 2],
-        visible: Visible,
-        seed: u64,
-    ) -> Result<Self> {
+    /// Reads the pictures in a folder, takes the glimpses, and prints a summary. Fails before reading if a count is 0 or the retina's windows
+    /// do not fit.
+    pub fn look(recipe: &GlimpseRecipe, data: &Path, visible: Visible, seed: u64) -> Result<Self> {
+        let retina = Foveal::new(recipe.retina.clone())?;
+        let counts = [recipe.number, recipe.held_out];
         if counts.contains(&0) {
-            return Err(Error::Config("--glimpses and --held-out must be at least 1".into()));
+            return Err(Error::Config("glimpses.number and glimpses.held_out must be at least 1".into()));
         }
-        let source = Source::load(set, data)?;
+        let source = Source::load(recipe.set, data)?;
         let (learn, held) = source.split()?;
         let width = retina.glimpse_len();
         say!("{}: {} glimpses of {width} values, {} held out", source.describe(), counts[0], counts[1]);
@@ -184,10 +167,10 @@ pub struct Files<'a> {
 }
 
 impl<'a> Files<'a> {
-    /// Creates the paths of the model and of the picture of its filters (beside the model by default); `restart` ignores a checkpoint.
+    /// Creates the paths of the model and of the picture of its filters beside it; `restart` ignores a checkpoint.
     /// Fails if a folder is missing or a folder has the name of a file, so that the error comes before the work.
-    pub fn of(model: &'a Path, picture: Option<&Path>, restart: bool) -> Result<Self> {
-        let picture = picture.map_or_else(|| model.with_extension("png"), Path::to_path_buf);
+    pub fn of(model: &'a Path, restart: bool) -> Result<Self> {
+        let picture = model.with_extension("png");
         [model, &picture].into_iter().try_for_each(writable)?;
         let mut checkpoint = model.to_path_buf().into_os_string();
         checkpoint.push(".checkpoint");

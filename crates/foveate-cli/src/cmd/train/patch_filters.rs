@@ -1,84 +1,65 @@
 //! Implements `foveate train kmeans`: filters of natural patches, for a convolutional first layer.
 
-use foveate::Result;
 use foveate::identity::convolution::Patches;
 use foveate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate::lab::training::{filters, sha256_of};
 use foveate::learn::filters::{Recipe, Trainer};
+use foveate::learn::rbm::Visible;
 use foveate::rng::{Purpose, Streams};
 use foveate::rows::Rows;
+use foveate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
-use super::common::{Glimpses, Natural};
+use super::common::{self, GlimpseRecipe, Glimpses};
+
+/// Shipped recipes.
+const RECIPES: [(&str, &str); 1] = [("kmeans", include_str!("../../../recipes/kmeans.toml"))];
 
 /// Learn k-means filters of whitened patches, from the rings of glimpses of natural photographs.
 ///
 /// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives the same result bit for
 /// bit. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
+#[command(after_long_help = RECIPES[0].1)]
 pub(super) struct Args {
     #[command(flatten)]
-    natural: Natural,
-    /// Number of filters.
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=400))]
-    units: u16,
-    /// Cells along a side of a patch, 2 to 8.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(2..=8))]
-    patch: u8,
-    /// Number of training patches, each at a random place of a glimpse.
-    #[arg(long, default_value_t = 300_000)]
+    common: common::Args,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PatchRecipe {
+    patch: usize,
     patches: usize,
-    /// Fraction of the patches' variance that whitening keeps.
-    #[arg(long, default_value_t = 0.99)]
-    keep: f64,
-    /// Constant added to a patch's variance before division by its square root; a glimpse has variance 1.
-    #[arg(long, default_value_t = 1.0)]
-    softening: f32,
-    /// Passes over the patches.
-    #[arg(long, default_value_t = 30)]
-    epochs: usize,
+    glimpses: GlimpseRecipe,
+    training: Recipe,
 }
 
 impl Args {
-    fn recipe(&self) -> Recipe {
-        Recipe {
-            epochs: self.epochs,
-            keep: self.keep,
-            softening: Some(self.softening),
-            seed: self.natural.seed,
-            ..Recipe::new(self.units.into())
-        }
-    }
-    /// Returns the command that makes the same model, with every setting explicit and folders left open.
-    fn command(&self, glimpses: &Glimpses) -> String {
-        format!(
-            "{} --units {} --patch {} --patches {} --keep {} --softening {} --epochs {} --out FILE",
-            self.natural.command("kmeans", glimpses.retina.config()),
-            self.units,
-            self.patch,
-            self.patches,
-            self.keep,
-            self.softening,
-            self.epochs
-        )
-    }
     /// Runs the command.
     pub(super) fn run(&self) -> Result<()> {
-        let (files, recipe, side) = (self.natural.files()?, self.recipe(), usize::from(self.patch));
+        let files = self.common.files()?;
+        let plan: PatchRecipe = self.common.recipe(&RECIPES)?;
+        let (recipe, side) = (&plan.training, plan.patch);
         recipe.check()?;
-        let glimpses = self.natural.glimpses()?;
+        if !(2..=8).contains(&side) {
+            return Err(Error::Config(format!("patch is 2 to 8 cells, got {side}")));
+        }
+        let glimpses = Glimpses::look(&plan.glimpses, &self.common.data, Visible::Gaussian, recipe.seed)?;
         let cut = Patches::new(glimpses.retina.cells(), side, 1)?;
         let streams = |seed| Streams::new(seed, 0).at(1, Purpose::Scene);
-        let learn = cut.some(glimpses.rows(), self.patches, streams(self.natural.seed));
-        let held = cut.some(glimpses.held(), glimpses.held().len(), streams(!self.natural.seed));
+        let learn = cut.some(glimpses.rows(), plan.patches, streams(recipe.seed));
+        let held = cut.some(glimpses.held(), glimpses.held().len(), streams(!recipe.seed));
         let (learn, held, sha256) = (Rows::new(&learn, side * side), Rows::new(&held, side * side), sha256_of(&learn));
         say!("{} patches of {} values", learn.len(), learn.width());
         let line = |trainer: &mut Trainer, _: &Rows<'_>| {
             Ok(format!("variance left {:.4} (held out {:.4})", trainer.cost(), trainer.learned().cost(held)))
         };
-        let trainer = files.train::<Trainer, _>(&recipe, &sha256, |_| Ok(learn), |rows| *rows, line)?;
+        let trainer = files.train::<Trainer, _>(recipe, &sha256, |_| Ok(learn), |rows| *rows, line)?;
 
         let model = trainer.learned();
-        model.save(files.model, &glimpses.metadata(self.command(&glimpses), recipe.seed, recipe.epochs))?;
+        model
+            .save(files.model, &glimpses.metadata(self.common.command("kmeans", &plan), recipe.seed, recipe.epochs))?;
         let patch = Foveal::new(FovealConfig { side: side as f64, rings: vec![[side, 1]], colour: vec![] })?;
         files.finish(Some(&filters::picture(Rows::new(&model.pictures(), recipe.filters), patch.cells(), 400)?))
     }
