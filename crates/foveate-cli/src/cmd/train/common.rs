@@ -27,7 +27,9 @@ const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
 const MONITORED: usize = 500;
 
 /// Arguments of a training with a recipe.
+// Commands flatten it into groups of the same name.
 #[derive(Debug, clap::Args)]
+#[group(skip)]
 pub struct Args {
     /// Folder with the data: the four MNIST files (or a folder `mnist` of them), or photographs, JPEG or PNG (or a folder `natural` of them).
     #[arg(long, value_name = "DIR")]
