@@ -73,7 +73,8 @@ fn mistakes_are_told_before_the_work() {
     says(&["training.batch=0"], "rows of a batch");
     says(&["training.bach=3"], "unknown field `bach`, expected one of");
     says(&["glimpses.retina.colour=[16]"], "expected an array of length 2");
-    says(&["--recipe", "none.toml"], "recipes that ship with the program: natural, digits");
+    let none = train(dir.path(), "m.safetensors", &["rbm", "--recipe", "none.toml"], &[]);
+    fails(none, "recipes that ship with the program: natural, digits");
     let elsewhere = command(dir.path(), "no/such/folder/m.safetensors", &[]);
     fails(elsewhere, "no/such/folder to write it to");
 }
