@@ -11,6 +11,8 @@ use foveate_core::scene::Image;
 
 /// The longest side of a picture that is read, in pixels. A header can claim more than memory holds.
 pub const MAX_SIDE: usize = 16384;
+/// The greatest height of pictures below each other, in pixels.
+const MAX_STACK: usize = 1 << 20;
 
 /// Decodes a picture from the bytes of a PNG or JPEG file; the content decides which.
 ///
@@ -21,6 +23,11 @@ pub const MAX_SIDE: usize = 16384;
 /// A text with expectation and finding if the bytes are of another kind, damaged or truncated, have a side above
 /// [`MAX_SIDE`], or claim more pixels than [`memory::limit`] allows.
 pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
+    decode_up_to(bytes, MAX_SIDE)
+}
+
+/// The same for a PNG of this height at most.
+fn decode_up_to(bytes: &[u8], height: usize) -> std::result::Result<Image, String> {
     let kind = image_kind(bytes).ok_or_else(|| match bytes {
         [] => "the file is empty (0 bytes); expected a PNG or JPEG picture".to_owned(),
         _ => "expected a PNG or JPEG picture, found other data; convert it first".to_owned(),
@@ -28,7 +35,7 @@ pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
     // The decoders answer damage with an error; a panic of theirs must not end the program either.
     let decoded = foveate_base::quiet::catch(|| match kind {
         ImageFormat::Jpeg => jpeg::decode(bytes, MAX_SIDE),
-        _ => png(bytes),
+        _ => png(bytes, height),
     });
     let name = if kind == ImageFormat::Png { "PNG" } else { "JPEG" };
     let image = decoded.map_err(|panic| format!("the {name} data is damaged ({panic}); copy the file again"))??;
@@ -43,6 +50,16 @@ pub fn read_image(path: impl AsRef<Path>) -> Result<Image> {
     let path = path.as_ref();
     let bytes = files::read(path, files::PICTURE)?;
     decode_image(&bytes).map_err(|problem| Error::malformed(path, problem))
+}
+
+/// Reads a PNG file of many pictures below each other, up to 2²⁰ pixels high; otherwise as [`read_image`].
+///
+/// # Errors
+/// [`Error::Io`] or [`Error::Malformed`], naming the file.
+pub fn read_stack(path: impl AsRef<Path>) -> Result<Image> {
+    let path = path.as_ref();
+    let bytes = files::read(path, files::PICTURE)?;
+    decode_up_to(&bytes, MAX_STACK).map_err(|problem| Error::malformed(path, problem))
 }
 
 /// PNG or JPEG, by the first bytes.
@@ -67,12 +84,12 @@ fn planar(image: &DynamicImage) -> Result<Image> {
     }
 }
 
-fn png(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+fn png(bytes: &[u8], height: usize) -> std::result::Result<DynamicImage, String> {
     let damaged = |error: ImageError| format!("the PNG data is damaged or unusual ({error}); copy or convert it");
     let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE as u32);
-    limits.max_image_height = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(height as u32);
     limits.max_alloc = Some(1 << 30);
     reader.limits(limits);
     let mut decoder = reader.into_decoder().map_err(damaged)?;
@@ -97,6 +114,16 @@ mod tests {
             (x >> 24) as u8
         });
         Image::new(width, height, planes, bytes.collect()).expect("sizes agree")
+    }
+
+    #[test]
+    fn a_stack_may_be_higher_than_a_picture() {
+        let image = Image::grey(2, MAX_SIDE + 1, 7);
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("stack.png");
+        std::fs::write(&path, encode_png(&image)).expect("a file");
+        assert_eq!(read_stack(&path).expect("a stack"), image);
+        assert!(read_image(&path).expect_err("too high").to_string().contains("exceeds limit"));
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub use address::{is_live, without_password};
 pub use ahead::{ahead, ahead_until};
 pub use child::Interrupt;
 pub use coded::{CodedFrame, CodedVideo, Planes};
-pub use decode::{decode_image, read_image};
+pub use decode::{decode_image, read_image, read_stack};
 pub use encode::{encode_jpeg, encode_png, save_png};
 pub use file::VideoFile;
 pub use folder::{ImageFolder, frames_folder, image_files, is_video};

@@ -5,7 +5,7 @@ use std::path::Path;
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
-use foveate_video::read_image;
+use foveate_video::read_stack;
 
 use super::Sequence;
 
@@ -24,7 +24,7 @@ impl Masks {
     /// # Errors
     /// The picture cannot be read, or its height is not a multiple of the number of frames.
     pub fn read(path: &Path, frames: usize) -> Result<Self> {
-        let picture = read_image(path)?;
+        let picture = read_stack(path)?;
         let height = picture.height() / frames.max(1);
         if height * frames != picture.height() || height == 0 {
             let problem =
