@@ -23,11 +23,8 @@ impl Column {
     const fn new(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
         Self { name, unit, from: None, meaning }
     }
-    const fn from_0(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
-        Self { name, unit, from: Some(0), meaning }
-    }
-    const fn from_1(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
-        Self { name, unit, from: Some(1), meaning }
+    const fn counted(from: u8, name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        Self { name, unit, from: Some(from), meaning }
     }
 }
 
@@ -81,18 +78,15 @@ pub const FILES: [OutputFile; 7] = [
     OutputFile { name: "targets.csv", line: "A header, then one line a target.", columns: TARGETS },
 ];
 
-const FRAME: Column = Column::from_1("frame", "frame", "Frame number.");
+const FRAME: Column = Column::counted(1, "frame", "frame", "Frame number.");
 const TIME: Column = Column::new("time", "s", "Time of the frame in the source.");
-const LEFT: Column = Column::from_0("left", "px", "Left edge of the box.");
-const TOP: Column = Column::from_0("top", "px", "Top edge of the box.");
+const LEFT: Column = Column::counted(0, "left", "px", "Left edge of the box.");
+const TOP: Column = Column::counted(0, "top", "px", "Top edge of the box.");
 const WIDTH: Column = Column::new("width", "px", "Width of the box.");
 const HEIGHT: Column = Column::new("height", "px", "Height of the box.");
-const X: Column = Column::from_0(
-    "x",
-    "px",
-    "Centre of the target, across: the mean of the particles, corrected by the box regression.",
-);
-const Y: Column = Column::from_0("y", "px", "Centre of the target, down.");
+const X: Column =
+    Column::counted(0, "x", "px", "Centre, across: mean of the particles, corrected by the box regression.");
+const Y: Column = Column::counted(0, "y", "px", "Centre of the target, down.");
 const VX: Column = Column::new("vx", "px/frame", "Velocity, across.");
 const VY: Column = Column::new("vy", "px/frame", "Velocity, down.");
 const LOG_SCALE: Column = Column::new("log_scale", "", "Natural logarithm of the size relative to frame 1.");
@@ -115,7 +109,8 @@ const P_LOST: &str = "Probability that the target is lost, 0 to 1.";
 const STATUS: &str = "Track status: tracking, occluded, lost or reacquired.";
 const CLASS_PROBABILITY: Column =
     Column::new("class_probability", "", "Probability of that class over all frames so far, 0 to 1.");
-const CLASS: Column = Column::from_0(
+const CLASS: Column = Column::counted(
+    0,
     "class",
     "",
     "Number of the most probable class over all frames so far; empty without a recogniser.",
@@ -123,8 +118,8 @@ const CLASS: Column = Column::from_0(
 
 /// boxes.txt.
 pub const BOXES: &[Column] = &[
-    Column::from_1("x", "px", "Left edge of the box."),
-    Column::from_1("y", "px", "Top edge of the box."),
+    Column::counted(1, "x", "px", "Left edge of the box."),
+    Column::counted(1, "y", "px", "Top edge of the box."),
     Column::new("w", "px", "Width of the box."),
     Column::new("h", "px", "Height of the box."),
 ];
@@ -200,7 +195,8 @@ pub const TRACK: &[Column] = &[
     Column::new("distance", "", "Distance of the glimpse to the template at the chosen gaze, at least 0."),
     Column::new("values_read", "", "Values read from the picture, each once: pixels or bins, times planes."),
     Column::new("share_read", "", "The same as a share of all values of the picture, 0 to 1."),
-    Column::from_0(
+    Column::counted(
+        0,
         "class",
         "",
         "The most probable class over all frames so far: its name, or its number if it has none. Empty without a \
@@ -213,8 +209,8 @@ pub const TRACK: &[Column] = &[
 pub const TRACKS_TXT: &[Column] = &[
     FRAME,
     ID,
-    Column::from_1("bb_left", "px", "Left edge of the box."),
-    Column::from_1("bb_top", "px", "Top edge of the box."),
+    Column::counted(1, "bb_left", "px", "Left edge of the box."),
+    Column::counted(1, "bb_top", "px", "Top edge of the box."),
     Column::new("bb_width", "px", "Width of the box."),
     Column::new("bb_height", "px", "Height of the box."),
     Column::new("conf", "", "Confidence: 1 − evidence deficit, at least 0."),
@@ -224,7 +220,7 @@ pub const TRACKS_TXT: &[Column] = &[
 ];
 
 const ID: Column =
-    Column::from_1("id", "", "Track id, in order of initiation or as given; never reused for another target.");
+    Column::counted(1, "id", "", "Track id, in order of initiation or as given; never reused for another target.");
 
 /// tracks.csv.
 pub const TRACKS: &[Column] = &[
@@ -250,8 +246,8 @@ pub const TRACKS: &[Column] = &[
     Column::new("visible", "", "Share of the target that no other target covers, 0 to 1."),
     Column::new("waited", "frames", "Frames since the last look at it; 0 if it was in this frame."),
     Column::new("detected", "", "1 if a detection was assigned to it in this frame, else 0."),
-    Column::from_0("detection", "", "Number of that detection in the frame; empty without one."),
-    Column::from_0("detected_class", "", "Class of its last detection with a class; empty if none had one."),
+    Column::counted(0, "detection", "", "Number of that detection in the frame; empty without one."),
+    Column::counted(0, "detected_class", "", "Class of its last detection with a class; empty if none had one."),
     GAZE_U,
     GAZE_V,
     FIRST_FRAME,
@@ -259,13 +255,13 @@ pub const TRACKS: &[Column] = &[
     CLASS_PROBABILITY,
 ];
 
-const FIRST_FRAME: Column = Column::from_1("first_frame", "frame", "Frame in which the track was initiated.");
+const FIRST_FRAME: Column = Column::counted(1, "first_frame", "frame", "Frame in which the track was initiated.");
 
 /// targets.csv.
 pub const TARGETS: &[Column] = &[
     ID,
     FIRST_FRAME,
-    Column::from_1("last_frame", "frame", "Last frame in which it was active."),
+    Column::counted(1, "last_frame", "frame", "Last frame in which it was active."),
     Column::new("frames", "frames", "Frames in which it was active."),
     Column::new("occluded", "frames", "Of these, frames in the phase occluded."),
     Column::new("lost", "frames", "Of these, frames in the phase lost."),
@@ -292,10 +288,10 @@ pub const REGRET: &[Column] = &[
 pub const TRACE: &[Column] = &[
     FRAME,
     TIME,
-    Column::from_0("given", "px", "The given box: `x`, `y` (left and top edge), `w`, `h`."),
-    Column::from_0("bbox", "px", "The estimated upright box: `x`, `y` (left and top edge), `w`, `h`."),
-    Column::from_0("estimate.x", "px", X.meaning),
-    Column::from_0("estimate.y", "px", Y.meaning),
+    Column::counted(0, "given", "px", "The given box: `x`, `y` (left and top edge), `w`, `h`."),
+    Column::counted(0, "bbox", "px", "The estimated upright box: `x`, `y` (left and top edge), `w`, `h`."),
+    Column::counted(0, "estimate.x", "px", X.meaning),
+    Column::counted(0, "estimate.y", "px", Y.meaning),
     Column::new("estimate.vx", "px/frame", VX.meaning),
     Column::new("estimate.vy", "px/frame", VY.meaning),
     Column::new("estimate.log_scale", "", LOG_SCALE.meaning),
@@ -327,13 +323,13 @@ pub const TRACE: &[Column] = &[
     ),
     Column::new("extent.half_w", "px", "Half the width of the box at scale 1 in the shape of frame 1."),
     Column::new("extent.half_h", "px", "Half the height of the box at scale 1 in the shape of frame 1."),
-    Column::from_0("predicted", "as the state", "Predicted particles: the seven numbers of the state for each."),
+    Column::counted(0, "predicted", "as the state", "Predicted particles: the seven numbers of the state for each."),
     Column::new("weights", "", "One weight for each particle; they sum to 1."),
-    Column::from_0("ancestors", "", "Index in `predicted` of the parent of each particle of the next frame."),
+    Column::counted(0, "ancestors", "", "Index in `predicted` of the parent of each particle of the next frame."),
     Column::new("plan.gazes", "half-boxes", "Scored gazes: `u`, `v`, and `arm`, an index from 0, or null."),
     Column::new("plan.used", "", "Whether each gaze counts in the weights."),
     Column::new("plan.weights", "", "Mixing weight of the log-likelihood of each gaze, at least 0."),
-    Column::from_0("plan.chosen", "", "Index of the chosen gaze in `plan.gazes`."),
+    Column::counted(0, "plan.chosen", "", "Index of the chosen gaze in `plan.gazes`."),
     Column::new("rewards", "", "Reward of each gaze of `plan.gazes`, 0 to 1."),
     Column::new("recorded_gazes", "half-boxes", "Gazes scored for observers only; left out if there are none."),
     Column::new("recorded_rewards", "", "Their rewards, 0 to 1."),

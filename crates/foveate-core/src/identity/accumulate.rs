@@ -95,7 +95,7 @@ impl Validate<Self> for Accumulator {
         let n = of.evidence.len();
         let sane = |evidence: &f64| evidence.abs() < 1e18 && (self.rule != Accumulate::Count || *evidence >= 0.0);
         ensure(self.rule == of.rule && self.evidence.len() == n && self.evidence.iter().all(sane), || {
-            format!("it is not of {n} classes; use the same recogniser")
+            format!("it is not of {n} classes; continue with the same recogniser")
         })
     }
 }

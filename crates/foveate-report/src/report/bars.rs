@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 
-use super::tracks::Track;
 use crate::multi::colour;
 use foveate_core::multi::Phase;
 
@@ -13,8 +12,11 @@ const LETTER: f64 = 7.0;
 const ROW: f64 = 22.0;
 const AXIS: f64 = 30.0;
 
+/// A phase of a track, its first and its last frame, from 0.
+pub(super) type Span = (Phase, usize, usize);
+
 /// Draws one row per track: filled if tracked, pale if occluded, a thin line if lost; a ring at each re-identification.
-pub(super) fn bars(tracks: &[(u64, &Track)], last: usize) -> String {
+pub(super) fn bars(tracks: &[(u64, &[Span])], last: usize) -> String {
     let name = |id: u64| format!("id {id}");
     let longest = tracks.iter().map(|(id, _)| name(*id).len()).max().unwrap_or(0);
     let left = 20.0 + LETTER * longest.max(5) as f64;
@@ -33,11 +35,11 @@ pub(super) fn bars(tracks: &[(u64, &Track)], last: usize) -> String {
         );
     }
     let _ = write!(svg, "<text x=\"{}\" y=\"{base}\" class=\"end\">frame {}</text>", WIDE - 12.0, last + 1);
-    for (i, (id, track)) in tracks.iter().enumerate() {
+    for (i, (id, spans)) in tracks.iter().enumerate() {
         let (y, [r, g, b]) = (ROW * i as f64, colour(*id));
         let _ = write!(svg, "<text x=\"{}\" y=\"{}\" class=\"id\">{}</text>", left - 8.0, y + 15.5, name(*id));
-        for (n, (phase, from, to)) in track.spans.iter().enumerate() {
-            let again = n > 0 && track.spans[n - 1].2 + 1 < *from;
+        for (n, (phase, from, to)) in spans.iter().enumerate() {
+            let again = n > 0 && spans[n - 1].2 + 1 < *from;
             let (from, to) = (x(*from as f64), x(*to as f64 + 1.0));
             let (class, top, tall) = match phase {
                 Phase::Lost => ("lost", y + 9.5, 3.0),

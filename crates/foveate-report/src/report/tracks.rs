@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::bars::bars;
+use super::bars::{Span, bars};
 use super::html::{self, Template};
 use crate::draw::CORNERS;
 use crate::multi::{colour, is_occluded_or_lost, name};
@@ -25,7 +25,7 @@ pub(super) struct Tracks(BTreeMap<u64, Track>);
 /// One target over time; frames count from 0.
 pub(super) struct Track {
     /// Phase, first and last frame. Initiation and re-identification are single moments: their span is a tracked one.
-    pub spans: Vec<(Phase, usize, usize)>,
+    spans: Vec<Span>,
     /// The target in its first frame, as a JPEG in base64.
     template: String,
     class: Option<(usize, f64)>,
@@ -88,8 +88,9 @@ impl Tracks {
         all.truncate(MOST_TRACKS);
         all.sort_by_key(|(id, _)| *id);
         let more = if left_out > 0 { format!("{left_out} short tracks are left out.") } else { String::new() };
+        let spans: Vec<(u64, &[Span])> = all.iter().map(|(id, track)| (*id, &*track.spans)).collect();
         let rows = all.iter().map(|(id, track)| track.row(*id)).collect();
-        html::fill(include_str!("tracks.html"), &[("more", more), ("bars", bars(&all, last)), ("rows", rows)])
+        html::fill(include_str!("tracks.html"), &[("more", more), ("bars", bars(&spans, last)), ("rows", rows)])
     }
 }
 
