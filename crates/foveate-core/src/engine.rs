@@ -29,7 +29,7 @@ pub use monitor::Monitor;
 pub(crate) use visibility::Claim;
 
 use distractors::Distractors;
-use extras::Extras;
+use extras::{CONFIDENT, Extras};
 use particles::Particles;
 pub(crate) use target::{Estimate, Target};
 use view::{Looks, Scratch, View};
@@ -182,6 +182,9 @@ impl Engine {
         let ancestors = filter.select(&belief, &estimate, streams.at(t, Select), last.ancestors);
         // Report
         let estimate = extras.regress(&view, estimate, answer);
+        let [size, shape] = extras.follow(!context.lost && verdict.p_lost < CONFIDENT);
+        filter.reshape(size, shape);
+        second::reshape(second.as_deref_mut(), shape);
         let reported = Some((estimate, verdict));
         self.record =
             Record { belief, plan, looks, gaze_evidence, rewards, found, percept, ancestors, reported, ..last };

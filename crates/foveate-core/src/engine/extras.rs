@@ -1,4 +1,4 @@
-//! Parts that never change the belief: the class of the target, and the regression of reported boxes.
+//! The class of the target, which never changes the belief, and the regression of its box, which changes size and shape alone.
 
 use super::target::Estimate;
 use super::view::View;
@@ -9,6 +9,9 @@ use crate::identity::box_regression::{Answer, BoxRegression};
 use crate::recognition::Recognition;
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
+
+/// P(lost) below which the particles follow the box regression.
+pub(super) const CONFIDENT: f64 = 0.3;
 
 /// The recogniser and the box regression of a tracker; both are optional.
 #[derive(Debug, Default)]
@@ -41,11 +44,17 @@ impl Extras {
         Some(boxes.answer(view.scene.image, &estimate.mean, view.target.extent))
     }
 
-    /// Returns the estimate as reported, which the filter does not use. `answer` is the answer of the box regression if this frame has
+    /// Returns the estimate as reported. `answer` is the answer of the box regression if this frame has
     /// computed it already.
     pub(super) fn regress(&mut self, view: &View<'_>, estimate: Estimate, answer: Option<Answer>) -> Estimate {
         let Some(boxes) = &mut self.box_regression else { return estimate };
         Estimate { mean: boxes.moved(view.scene.image, &estimate.mean, view.target.extent, answer), ..estimate }
+    }
+
+    /// Returns the change of log size and log of width / height that the particles take after this frame; none if it is not confident.
+    pub(super) fn follow(&mut self, confident: bool) -> [f64; 2] {
+        let regression = self.box_regression.as_mut().filter(|_| confident);
+        regression.and_then(BoxRegression::follow).unwrap_or_default()
     }
 
     /// Classifies the target from another look at the estimate.

@@ -42,6 +42,9 @@ pub(super) struct FilterState {
 
 foveate_base::opaque_debug!(Filter);
 
+/// The largest log of width / height, relative to frame 1, that a target is given: 20 to 1.
+const MOST_ASPECT: f64 = 3.0;
+
 /// The postponed frames of motion, and the belief meanwhile.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Waiting {
@@ -187,6 +190,14 @@ impl Filter {
         }
         self.state.particles.iter_mut().zip(&ancestors).for_each(|(particle, a)| *particle = belief.states[*a]);
         ancestors
+    }
+
+    /// Changes the size and the shape of all particles.
+    pub(super) fn reshape(&mut self, log_scale: f64, log_aspect: f64) {
+        for particle in &mut self.state.particles {
+            particle.log_scale += log_scale;
+            particle.log_aspect = (particle.log_aspect + log_aspect).clamp(-MOST_ASPECT, MOST_ASPECT);
+        }
     }
 
     /// Returns the motion of a frame without a look that needs none of the particles: there are no detections, the camera does not move

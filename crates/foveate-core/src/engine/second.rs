@@ -39,3 +39,10 @@ pub(super) fn follow(
         second.start_again_at(&estimate.mean.bbox(view.target.extent));
     }
 }
+
+/// Changes the shape of the second tracker's box as that of the first. Its size is its own.
+pub(super) fn reshape(second: Option<&mut Engine>, log_aspect: f64) {
+    if let Some(second) = second {
+        second.parts.filter.reshape(0.0, log_aspect);
+    }
+}

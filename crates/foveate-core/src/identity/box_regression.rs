@@ -11,9 +11,13 @@
 //! it is found (`confidence.box_regression`). While it is tracked, the mean over many evaluations is a lower bound of
 //! P(lost) (`confidence.absence`): the network does not learn while tracking, so a wrong object cannot mislead it.
 //!
-//! Deviation: the paper reports the mean of the belief. The correction is for output only; the filter does not use
-//! it, because its errors would then accumulate (docs/lab/real-video.md).
+//! Particles find the place well, and the size and shape badly: a target that turns or deforms keeps frame 1's shape
+//! for them. So they follow a share of the correction of size and width / height at each evaluation of a confident
+//! frame; the rest of the correction, and that of the place, is for output only (docs/lab/real-video.md).
+//!
+//! Deviation: the paper reports the mean of the belief, and has no network that changes it.
 
+mod colours;
 mod file;
 mod glimpse;
 mod network;
@@ -23,6 +27,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use self::colours::{Colours, Histograms};
 use self::glimpse::Glimpse;
 use self::network::{Scratch, Template};
 use super::numbers;
@@ -54,11 +59,13 @@ pub struct Settings {
     pub every: usize,
     /// Weight of the newest correction in the running mean, above 0 to 1.
     pub rate: f64,
+    /// Share of the correction of size and width / height that the particles take at an evaluation, 0 to 1.
+    pub follow: f64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { weights: "builtin:natural-boxes".into(), gain: 0.85, every: 3, rate: 0.5 }
+        Self { weights: "builtin:natural-boxes".into(), gain: 0.85, every: 3, rate: 0.5, follow: 0.1 }
     }
 }
 
@@ -67,7 +74,8 @@ impl Settings {
     pub fn check(&self) -> Result<()> {
         within("box_regression.gain", self.gain, 0.0, 1.0)?;
         within("box_regression.every", self.every as f64, 1.0, 100.0)?;
-        within("box_regression.rate", self.rate, 1e-3, 1.0)
+        within("box_regression.rate", self.rate, 1e-3, 1.0)?;
+        within("box_regression.follow", self.follow, 0.0, 1.0)
     }
 
     /// The network.
@@ -94,17 +102,19 @@ pub struct BoxRegression {
     settings: Settings,
     template: Option<Template>,
     pub(crate) state: BoxState,
+    colours: Colours,
     glimpse: Glimpse,
+    input: Vec<f32>,
     scratch: Scratch,
 }
 
-/// Where the target is from the estimate, by the looks until now.
+/// Where the target is from the estimate, by the evaluations until now.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Said {
+struct Correction {
     /// Frames since the target was given.
     frames: u64,
-    /// The running mean: right and down, half sides; log size.
-    mean: [f64; 3],
+    /// The running mean: right and down, half sides; log size; half the log of width / height.
+    mean: [f64; 4],
 }
 
 /// What a box regression keeps between frames.
@@ -113,19 +123,21 @@ pub(crate) struct BoxState {
     /// The features of the target's own picture; empty without a target.
     #[serde(with = "numbers::floats")]
     template: Vec<f32>,
-    said: Said,
+    histograms: Histograms,
+    correction: Correction,
 }
 
 impl Validate<bool> for BoxState {
     /// The setting is whether there is a target.
     fn validate(&self, has_target: &bool) -> Valid {
-        let Self { template, said } = self;
+        let Self { template, histograms, correction: Correction { frames, mean } } = self;
         let expected = if *has_target { network::KEPT } else { 0 };
         if template.len() != expected || template.iter().any(|x| x.abs() > MOST) {
             return Err(format!("its template is not {expected} features"));
         }
-        ensure(said.mean.iter().all(|x| x.abs() <= FARTHEST) && said.frames <= MOST_FRAMES, || {
-            format!("it moves the box by {:?} after {} frames", said.mean, said.frames)
+        ensure(histograms.are_of(*has_target), || "its colours are not two pairs of histograms".into())?;
+        ensure(mean.iter().all(|x| x.abs() <= FARTHEST) && *frames <= MOST_FRAMES, || {
+            format!("it moves the box by {mean:?} after {frames} frames")
         })
     }
 }
@@ -133,14 +145,21 @@ impl Validate<bool> for BoxState {
 impl BoxRegression {
     /// Of a network.
     pub fn new(network: Arc<Network>, settings: Settings) -> Self {
-        let (state, glimpse, scratch) = Default::default();
-        Self { network, settings, template: None, state, glimpse, scratch }
+        let (state, colours, glimpse, input, scratch) = Default::default();
+        Self { network, settings, template: None, state, colours, glimpse, input, scratch }
     }
 
     /// Sets the template to the content of this box.
     pub fn imprint(&mut self, image: &Image, state: &State, extent: Extent) {
-        self.look(image, state, extent);
-        self.resume(BoxState { template: self.scratch.features().to_vec(), said: Said::default() });
+        self.glimpse.take(image, state, extent);
+        let histograms = Histograms::of(&self.glimpse.grey);
+        self.colours.update(&histograms);
+        self.read();
+        self.resume(BoxState {
+            template: self.scratch.features().to_vec(),
+            histograms,
+            correction: Correction::default(),
+        });
         self.glimpse.read = None;
     }
 
@@ -153,7 +172,7 @@ impl BoxRegression {
 
     /// Whether it looks in this frame.
     pub fn is_due(&self) -> bool {
-        self.state.said.frames.is_multiple_of(self.settings.every as u64)
+        self.state.correction.frames.is_multiple_of(self.settings.every as u64)
     }
 
     /// The reported state for this estimate; call it once a frame. `answer` is the network's prediction, if already
@@ -162,19 +181,41 @@ impl BoxRegression {
         let (rate, gain) = (self.settings.rate, self.settings.gain);
         if self.is_due() {
             let answer = answer.unwrap_or_else(|| self.answer(image, state, extent));
-            let Answer { offset: [u, v], log_scale, lost, .. } = answer;
+            let Answer { offset: [u, v], log_scale, half_log_aspect, lost, .. } = answer;
             let there = 1.0 / (1.0 + f64::from(lost).exp());
             // A network that was made by somebody else may say anything.
-            let said = [u, v, log_scale].map(|x| {
+            let found = [u, v, log_scale, half_log_aspect].map(|x| {
                 if x.is_finite() && there.is_finite() { there * f64::from(x).clamp(-FARTHEST, FARTHEST) } else { 0.0 }
             });
-            for (mean, said) in self.state.said.mean.iter_mut().zip(said) {
-                *mean += rate * (said - *mean);
+            for (mean, found) in self.state.correction.mean.iter_mut().zip(found) {
+                *mean += rate * (found - *mean);
             }
         }
-        self.state.said.frames += 1;
-        let ([u, v, log_scale], (half_w, half_h)) = (self.state.said.mean.map(|x| gain * x), state.half(extent));
-        State { x: state.x + u * half_w, y: state.y + v * half_h, log_scale: state.log_scale + log_scale, ..*state }
+        self.state.correction.frames += 1;
+        let ([u, v, log_scale, half_aspect], (half_w, half_h)) =
+            (self.state.correction.mean.map(|x| gain * x), state.half(extent));
+        State {
+            x: state.x + u * half_w,
+            y: state.y + v * half_h,
+            log_scale: state.log_scale + log_scale,
+            log_aspect: state.log_aspect + 2.0 * half_aspect,
+            ..*state
+        }
+    }
+
+    /// Learns the colours of the last evaluation and takes a share of the correction for the particles: log size, and log of
+    /// width / height. Call it after [`BoxRegression::moved`], in confident frames alone; `None` in frames without an evaluation.
+    pub fn follow(&mut self) -> Option<[f64; 2]> {
+        let Self { settings, state: BoxState { correction, histograms, .. }, colours, glimpse, .. } = self;
+        if settings.follow == 0.0 || !(correction.frames - 1).is_multiple_of(settings.every as u64) {
+            return None;
+        }
+        histograms.learn(&glimpse.grey);
+        colours.update(histograms);
+        let [_, _, log_scale, half_aspect] = &mut correction.mean;
+        let shares = [settings.follow * *log_scale, settings.follow * *half_aspect];
+        (*log_scale, *half_aspect) = (*log_scale - shares[0], *half_aspect - shares[1]);
+        Some([shares[0], 2.0 * shares[1]])
     }
 
     /// Adds the values read since the last call.
@@ -187,17 +228,24 @@ impl BoxRegression {
     /// Continues from a valid state.
     pub(crate) fn resume(&mut self, state: BoxState) {
         self.template = (!state.template.is_empty()).then(|| self.network.template(&state.template));
+        self.colours.update(&state.histograms);
         self.state = state;
     }
 
     /// Frees buffers that are not needed until the next evaluation.
     pub(crate) fn compact(&mut self) {
-        (self.glimpse, self.scratch) = Default::default();
+        (self.glimpse, self.input, self.scratch) = Default::default();
     }
 
     fn look(&mut self, image: &Image, state: &State, extent: Extent) {
         self.glimpse.take(image, state, extent);
-        self.network.look(&self.glimpse.values, &mut self.scratch);
+        self.read();
+    }
+
+    /// Computes the features of the last glimpse.
+    fn read(&mut self) {
+        self.colours.input(&self.glimpse, &mut self.input);
+        self.network.look(&self.input, &mut self.scratch);
     }
 }
 

@@ -1,5 +1,5 @@
 //! Box regression moves the box that is told, and moves it to the target; what it says of whether the target is there makes a target lost, and
-//! what was learned forgotten. Nothing else changes.
+//! what was learned forgotten. The particles follow its size and shape. Nothing else changes.
 
 use crate::common::{INIT, frame, natural, truth};
 use foveate::Tracker;
@@ -7,6 +7,7 @@ use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::geometry::{BBox, Extent, State};
 use foveate::identity::box_regression::{Answer, BoxRegression, Settings};
+use foveate::scene::Image;
 use std::sync::Arc;
 
 const FRAMES: usize = 24;
@@ -42,23 +43,77 @@ fn track(settings: &[&str]) -> Vec<(State, String)> {
         .collect()
 }
 
+/// With `follow = 0` the correction is for output only.
 #[test]
-fn it_moves_the_box_and_nothing_else() {
-    let unheard = "confidence.absence.weight=0";
-    let (with, without) = (track(&[unheard]), track(&[unheard, "box_regression=none"]));
-    let still = track(&[unheard, "box_regression.gain=0"]);
+fn it_moves_the_reported_box_alone() {
+    let output_only = ["confidence.absence.weight=0", "box_regression.follow=0"];
+    let with = track(&output_only);
+    let without = track(&[output_only[0], "box_regression=none"]);
+    let still = track(&[output_only[0], output_only[1], "box_regression.gain=0"]);
     let mut moved = 0;
     for ((with, without), still) in with.iter().zip(&without).zip(&still) {
         assert_eq!(with.1, without.1);
         assert_eq!(without, still, "a gain of 0 moves nothing");
-        let (message, mean) = (with.0, without.0);
+        let (report, mean) = (with.0, without.0);
         let (half_w, half_h) = mean.half(Extent::of(&INIT));
-        let off = [(message.x - mean.x) / half_w, (message.y - mean.y) / half_h, message.log_scale - mean.log_scale];
+        let size = [report.log_scale - mean.log_scale, 0.5 * (report.log_aspect - mean.log_aspect)];
+        let off = [(report.x - mean.x) / half_w, (report.y - mean.y) / half_h, size[0], size[1]];
         assert!(off.iter().all(|x| x.abs() <= 0.85 * 0.5 + 1e-9), "no farther than half a half side: {off:?}");
-        assert_eq!((message.vx, message.vy, message.angle), (mean.vx, mean.vy, mean.angle));
-        moved += usize::from(off != [0.0; 3]);
+        assert_eq!((report.vx, report.vy, report.angle), (mean.vx, mean.vy, mean.angle));
+        moved += usize::from(off != [0.0; 4]);
     }
     assert_eq!(moved, FRAMES - 1);
+}
+
+/// What the particles take of the correction is no longer in the correction: the report stays.
+#[test]
+fn what_the_particles_take_leaves_the_report_as_it_is() {
+    let settings = Settings { every: 3, gain: 1.0, follow: 0.3, ..Settings::default() };
+    let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
+    let mut boxes = BoxRegression::new(network, settings);
+    let (image, extent) = (frame(0, 3).image, Extent::of(&INIT));
+    boxes.imprint(&image, &State::of(&INIT), extent);
+    let state = State { log_scale: 0.2, log_aspect: -0.3, ..State::of(&INIT) };
+    let before = boxes.moved(&image, &state, extent, None);
+    let [log_scale, log_aspect] = boxes.follow().expect("the first frame has an evaluation");
+    assert!(log_scale < -0.01 && log_aspect > 0.01, "back to the true box: {log_scale}, {log_aspect}");
+    let followed = State { log_scale: state.log_scale + log_scale, log_aspect: state.log_aspect + log_aspect, ..state };
+    let after = boxes.moved(&image, &followed, extent, None);
+    assert!((after.log_scale - before.log_scale).abs() < 1e-12 && (after.log_aspect - before.log_aspect).abs() < 1e-12);
+    assert_eq!(boxes.follow(), None, "no evaluation, nothing to take");
+}
+
+/// Pictures that grow wider: the particles take the shape, which dynamics without noise of it never would.
+#[test]
+fn particles_follow_the_shape_of_the_target() {
+    let first = frame(0, 3).image;
+    let (middle, _) = INIT.centre();
+    let stretched = |factor: f64| {
+        let (width, height) = (first.width(), first.height());
+        let mut image = Image::new(width, height, 3, vec![0; 3 * width * height]).expect("sizes agree");
+        for plane in 0..3 {
+            for (i, value) in image.plane_mut(plane).iter_mut().enumerate() {
+                let from = (middle + ((i % width) as f64 - middle) / factor).round();
+                *value = first.plane(plane)[i / width * width + from.clamp(0.0, width as f64 - 1.0) as usize];
+            }
+        }
+        image
+    };
+    let end = |settings: &[&str]| {
+        let mut tracker = tracker(config(settings));
+        tracker.init(&first, INIT).expect("a box in the picture");
+        let mut shape = 0.0;
+        for i in 1..=60 {
+            let image = stretched(1.0 + 0.01 * f64::from(i.min(50)));
+            let seen = tracker.update(&image).expect("a picture of the first size");
+            shape = seen.particles.iter().map(|state| state.log_aspect).sum::<f64>() / seen.particles.len() as f64;
+        }
+        shape
+    };
+    let wanted = 1.5f64.ln();
+    let (followed, kept) = (end(&[]), end(&["box_regression.follow=0"]));
+    assert!((0.35 * wanted..1.3 * wanted).contains(&followed), "{followed} of {wanted}");
+    assert!(kept.abs() < 1e-12);
 }
 
 /// Told by the box regression alone that the target is not there, the tracker learns nothing, calls it occluded, and forgets what it
@@ -105,6 +160,7 @@ fn answers_that_are_no_numbers_move_nothing() {
     for odd in [
         Answer { offset: [f32::NAN, 0.0], ..answer },
         Answer { log_scale: f32::INFINITY, ..answer },
+        Answer { half_log_aspect: f32::NAN, ..answer },
         Answer { lost: f32::NAN, ..answer },
     ] {
         let message = boxes.moved(&image, &state, extent, Some(odd));
@@ -193,7 +249,8 @@ fn what_does_not_fit_is_refused() {
     assert!(error.contains("box_regression is not set in the state"), "{error}");
     for (key, value, said) in [
         ("template", serde_json::json!("AAAAAA=="), "2048 features"),
-        ("said", serde_json::json!({ "frames": 1, "mean": [0.0, 7.0, 0.0] }), "it moves the box"),
+        ("correction", serde_json::json!({ "frames": 1, "mean": [0.0, 7.0, 0.0, 0.0] }), "it moves the box"),
+        ("histograms", serde_json::json!({ "first": "", "recent": "" }), "histograms"),
     ] {
         let mut saved = start(config(&[])).save();
         saved["ensemble"]["trackers"][0]["box_regression"][key] = value;

@@ -127,7 +127,7 @@ pub(super) mod tests {
             (change(|file| file.layers.truncate(3)), "it has 3 layers, not 9"),
             (change(|file| file.layers.swap(0, 1)), "the layer second"),
             (change(|file| file.layers[2].weights.truncate(8)), "third.weights has"),
-            (change(|file| file.layers[8].bias.clear()), "answer.bias has 0 numbers, not 7"),
+            (change(|file| file.layers[8].bias.clear()), "answer.bias has 0 numbers, not 9"),
             (change(|file| file.layers[8].scales[0] = 1e4), "answer has a scale or a bias beyond 1000"),
             (change(|file| file.layers[8].scales[0] = f32::INFINITY), "not finite"),
         ] {

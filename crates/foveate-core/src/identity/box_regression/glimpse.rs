@@ -24,6 +24,8 @@ pub(super) struct Glimpse {
     row: Vec<f32>,
     /// `SIDE` × `SIDE` × `CHANNELS`, of mean 0, in standard deviations of grey.
     pub values: Vec<f32>,
+    /// The same in grey levels.
+    pub grey: Vec<f32>,
     /// What was read of the last picture, if it was looked at: left column, top row, width, height.
     pub read: Option<(usize, usize, usize, usize)>,
 }
@@ -32,7 +34,7 @@ impl Glimpse {
     /// Looks at a box. Outside the picture its border goes on.
     pub(super) fn take(&mut self, image: &Image, state: &State, extent: Extent) {
         let (half_w, half_h) = state.half(extent);
-        let Self { across, down, ends: [to_right, to_bottom], row, values, read } = self;
+        let Self { across, down, ends: [to_right, to_bottom], row, values, read, grey, .. } = self;
         let (left, width) = cells(state.x, half_w, image.width(), across, to_right);
         let (top, height) = cells(state.y, half_h, image.height(), down, to_bottom);
         *read = Some((left, top, width, height));
@@ -57,8 +59,14 @@ impl Glimpse {
                 }
             }
         }
+        grey.clone_from(values);
         standardise(values);
     }
+}
+
+/// Where the middle of a cell is along an axis, half sides of the box from its centre.
+pub(super) fn place(cell: usize) -> f64 {
+    ((cell as f64 + 0.5) / SIDE as f64 * 2.0 - 1.0) * REACH
 }
 
 /// The largest half side that is looked at, pixels: more than any picture has.

@@ -20,13 +20,15 @@ const BESIDE: usize = 16;
 /// Channels of the joined pictures.
 const JOINED: usize = 48;
 const DENSE: usize = 64;
-const ANSWERS: usize = 7;
+const ANSWERS: usize = 9;
+/// Channels of the input: a cell, and the probability of its colour.
+pub(super) const INPUTS: usize = CHANNELS + 1;
 /// What squares of features are softened by before their length is made 1.
 const SOFT: f32 = 0.01;
 
 /// The layers, as a file has them one after the other.
 pub(super) const LAYERS: [Shape; 9] = [
-    Shape { name: "first", size: 5, stride: 2, channels: CHANNELS, filters: 16, cut: true },
+    Shape { name: "first", size: 5, stride: 2, channels: INPUTS, filters: 16, cut: true },
     Shape { name: "second", size: 3, stride: 2, channels: 16, filters: 32, cut: true },
     Shape { name: "third", size: 3, stride: 1, channels: 32, filters: FEATURES, cut: false },
     Shape { name: "search", size: 1, stride: 1, channels: FEATURES, filters: BESIDE, cut: false },
@@ -70,8 +72,10 @@ pub struct Answer {
     pub offset: [f32; 2],
     /// Logarithm of the target's size over the box's.
     pub log_scale: f32,
-    /// Log expected errors of the three.
-    pub log_spread: [f32; 3],
+    /// Half the logarithm of the target's width / height over the box's.
+    pub half_log_aspect: f32,
+    /// Log expected errors of the four.
+    pub log_spread: [f32; 4],
     /// Log odds that the target is not there.
     pub lost: f32,
 }
@@ -112,10 +116,10 @@ impl Network {
         Self { layers, joint_template }
     }
 
-    /// Features of a glimpse (`SIDE` × `SIDE` × `CHANNELS`), into `scratch.features`.
+    /// Features of a glimpse (`SIDE` × `SIDE` × `INPUTS`), into `scratch.features`.
     pub(super) fn look(&self, glimpse: &[f32], scratch: &mut Scratch) {
         let Scratch { framed, found, features, .. } = scratch;
-        frame(glimpse, (SIDE, CHANNELS, 2), framed);
+        frame(glimpse, (SIDE, INPUTS, 2), framed);
         self.layer(FIRST, SIDE + 4, framed, found);
         frame(found, (SIDE / 2, 16, 1), framed);
         self.layer(SECOND, SIDE / 2 + 2, framed, found);
@@ -171,8 +175,8 @@ impl Network {
         for (value, weights) in framed.iter().zip(last.weights.chunks_exact(ANSWERS)) {
             out.iter_mut().zip(weights).for_each(|(out, weight)| *out += value * weight);
         }
-        let [u, v, log_scale, a, b, c, lost] = out;
-        Answer { offset: [u, v], log_scale, log_spread: [a, b, c], lost }
+        let [u, v, log_scale, half_log_aspect, a, b, c, d, lost] = out;
+        Answer { offset: [u, v], log_scale, half_log_aspect, log_spread: [a, b, c, d], lost }
     }
 
     /// One layer, of a map that has its frame already.
@@ -210,7 +214,7 @@ mod tests {
 
     fn glimpse(stream: u64) -> Vec<f32> {
         let mut rng = Streams::new(9, 0).rng(stream);
-        (0..SIDE * SIDE * CHANNELS).map(|_| 2.0 * rng.random::<f32>() - 1.0).collect()
+        (0..SIDE * SIDE * INPUTS).map(|_| 2.0 * rng.random::<f32>() - 1.0).collect()
     }
 
     /// A layer by plain loops in f64: zeros around the map.
@@ -279,9 +283,9 @@ mod tests {
         let template = network.template(&scratch.features);
         for _ in 0..2 {
             network.look(&glimpse(2), &mut scratch);
-            let Answer { offset: [u, v], log_scale, log_spread: [p, q, r], lost } =
+            let Answer { offset: [u, v], log_scale, half_log_aspect, log_spread: [p, q, r, s], lost } =
                 network.answer(&template, &mut scratch);
-            for (found, exact) in [u, v, log_scale, p, q, r, lost].into_iter().zip(&exact) {
+            for (found, exact) in [u, v, log_scale, half_log_aspect, p, q, r, s, lost].into_iter().zip(&exact) {
                 assert!((f64::from(found) - exact).abs() < 1e-3, "{found}, not {exact}");
             }
         }
