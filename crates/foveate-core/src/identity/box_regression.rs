@@ -65,7 +65,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { weights: "builtin:natural-boxes".into(), gain: 0.85, every: 3, rate: 0.5, follow: 0.1 }
+        Self { weights: "builtin:natural-boxes".into(), gain: 0.85, every: 3, rate: 0.5, follow: 0.0 }
     }
 }
 
