@@ -245,8 +245,7 @@ mod tests {
         assert!(bytes[..n].starts_with(b"{\"frame\":7,") && bytes[n - 1] == b'\n');
         assert!(
             Stream::udp("nowhere", Format::Json, None, Remarks::default())
-                .err()
-                .expect("no port")
+                .expect_err("no port")
                 .to_string()
                 .contains("127.0.0.1:9000")
         );

@@ -140,7 +140,7 @@ mod tests {
         std::fs::write(&file, "").expect("a writable folder");
         assert!(refusal(&file).contains("empty"));
         std::fs::write(&file, "no video at all").expect("a writable folder");
-        let text = VideoFile::open_with(&file, &without_ffmpeg()).err().expect("an error").to_string();
+        let text = VideoFile::open_with(&file, &without_ffmpeg()).expect_err("an error").to_string();
         assert!(text.contains("picture.mp4") && text.contains("install"), "{text}");
         save_png(&file, &Image::grey(4, 3, 7)).expect("a writable folder");
         let source = open(&file).expect("one image, whatever its name");

@@ -148,7 +148,7 @@ mod tests {
             (Bayes { rehearsal: 11.0, ..d.clone() }, "rehearsal"),
             (Bayes { saliency: 1.0, rehearsal: 1.0, ..d }, "rehearsal"),
         ] {
-            let problem = GpUcb::new(settings).err().expect(said).to_string();
+            let problem = GpUcb::new(settings).expect_err(said).to_string();
             assert!(problem.contains(said), "{problem}");
         }
     }

@@ -112,7 +112,7 @@ mod tests {
         let judged = Masks::judge(&sequence, &[None, Some(around), None]).expect("read");
         assert_eq!(judged, Some([0.5 * 5.0 / 8.0, 0.5]));
         assert_eq!(Masks::judge(&Sequence { masks: None, ..sequence }, &[]).expect("none"), None);
-        let problem = Masks::read(&path, 5).err().expect("12 rows are no 5 masks").to_string();
+        let problem = Masks::read(&path, 5).expect_err("12 rows are no 5 masks").to_string();
         assert!(problem.contains("expected 5 masks"), "{problem}");
     }
 }

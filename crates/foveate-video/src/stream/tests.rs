@@ -423,11 +423,11 @@ fn the_faster_decoder_is_taken() {
     let video = VideoFile::open_with(&path, &without_ffmpeg()).expect("a video");
     assert!(video.info().reader.contains("(built-in decoder)"));
     let asked = Options { decoder: crate::Decoder::Ffmpeg, ..without_ffmpeg() };
-    let error = VideoFile::open_with(&path, &asked).err().expect("no program").to_string();
+    let error = VideoFile::open_with(&path, &asked).expect_err("no program").to_string();
     assert!(error.contains("no-such-ffmpeg") && error.contains("install"), "{error}");
     std::fs::write(&path, "RIFF of another kind").expect("a writable folder");
     let asked = Options { decoder: crate::Decoder::Builtin, ..Options::default() };
-    let error = VideoFile::open_with(&path, &asked).err().expect("no MP4").to_string();
+    let error = VideoFile::open_with(&path, &asked).expect_err("no MP4").to_string();
     assert!(error.contains("without ffmpeg") && error.contains("auto"), "{error}");
 }
 
