@@ -3,6 +3,8 @@
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use foveate::video::{Frame, Mp4Writer};
+
 fn foveate(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_foveate")).args(args).output().expect("the program starts")
 }
@@ -195,8 +197,14 @@ fn a_scene_of_many_digits_has_both_layouts() {
 fn each_half_has_what_the_other_half_made() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
-    let made = ["synth", "multi", "--frames", "6", "--out", &path("scene"), "--video", &path("film.mp4")];
-    assert!(foveate(&made).status.success());
+    scene(&path("scene"), "3", "6");
+    let mut film: Option<Mp4Writer> = None;
+    for frame in foveate::video::open(path("scene/img")).expect("pictures") {
+        let Frame { index, image, .. } = frame.expect("a picture");
+        let new = || Mp4Writer::create(path("film.mp4"), image.width(), image.height(), 30.0).expect("a film");
+        film.get_or_insert_with(new).push(&image, index as f64 / 30.0).expect("written");
+    }
+    film.expect("frames").finish().expect("written");
     for name in ["one", "two"] {
         std::fs::create_dir_all(path(&format!("seqs/{name}"))).expect("a new folder");
         let [film, truth] = ["video.mp4", "groundtruth_rect.txt"].map(|file| path(&format!("seqs/{name}/{file}")));
