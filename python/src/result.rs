@@ -120,7 +120,7 @@ pub(crate) fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Es
     let covariance = std::array::from_fn(|i| std::array::from_fn(|j| rest[State::N * (i + 1) + j]));
     let state = State::from_array(std::array::from_fn(|i| rest[i]));
     let one_sd = Region { x: cx, y: cy, half: [major, minor], turn };
-    if gazes.len() % 2 + particles.len() % State::N > 0 {
+    if gazes.len() % 2 > 0 || particles.len() != State::N * weights.len() {
         return Err(input(py, "this is no pickle of a result"));
     }
     let (bbox, gaze) = (BBox::new(x, y, w, h), (u, v));
