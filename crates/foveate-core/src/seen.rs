@@ -79,7 +79,7 @@ pub struct Seen<'a> {
     /// Mean of the belief, corrected by the box regression if there is one: centre, velocity per frame, log scale relative to the first
     /// frame, angle.
     pub state: State,
-    /// Covariance of the belief over x, y, vx, vy, log scale, angle.
+    /// Covariance of the belief over x, y, vx, vy, log scale, angle, log aspect.
     pub covariance: Covariance,
     /// Half the size of the target's box at scale 1, pixels: `state.fixate(gaze, extent)` is the place of a gaze.
     pub extent: Extent,

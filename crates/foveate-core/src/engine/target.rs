@@ -21,7 +21,7 @@ pub(crate) struct Target {
 pub(crate) struct Estimate {
     /// Mean of the belief.
     pub mean: State,
-    /// Covariance over x, y, vx, vy, log scale, angle.
+    /// Covariance over x, y, vx, vy, log scale, angle, log aspect.
     pub covariance: Covariance,
     /// Effective sample size, 1 to N.
     pub ess: f64,
