@@ -29,16 +29,10 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let r = &recipe.training;
     r.check()?;
     let glimpses = Glimpses::look(&recipe.glimpses, &args.data, Visible::Gaussian, r.seed)?;
-    let trainer = files.train::<Trainer, _>(
-        r,
-        &glimpses.sha256,
-        |_| Ok(glimpses.rows()),
-        |rows| *rows,
-        |trainer, _| {
-            let [ours, theirs] = glimpses.monitored().map(|rows| trainer.learned().error(rows));
-            Ok(format!("reconstruction {ours:.3} (held out {theirs:.3})"))
-        },
-    )?;
+    let trainer = glimpses.train::<Trainer>(&files, r, |trainer, monitored| {
+        let [ours, theirs] = monitored.map(|rows| trainer.learned().error(rows));
+        format!("reconstruction {ours:.3} (held out {theirs:.3})")
+    })?;
 
     let model = trainer.learned();
     model.save(files.model, &glimpses.metadata(args.command("autoencoder", &recipe), r.seed, r.epochs))?;

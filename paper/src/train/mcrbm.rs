@@ -31,21 +31,15 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let r = &recipe.training;
     r.check()?;
     let glimpses = Glimpses::look(&recipe.glimpses, &args.data, Visible::Gaussian, r.seed)?;
-    let trainer = files.train::<Trainer, _>(
-        r,
-        &glimpses.sha256,
-        |_| Ok(glimpses.rows()),
-        |rows| *rows,
-        |trainer, _| {
-            let model = trainer.learned();
-            let [(ours, covariance, mean), (theirs, ..)] = glimpses.monitored().map(|rows| fit(&model, rows));
-            let (step, rejected) = trainer.leapfrog();
-            Ok(format!(
-                "free energy {ours:.2} (held out {theirs:.2})  covariance units on {covariance:.3}, mean units {mean:.3}  \
-                 leapfrog step {step:.3}, {rejected:.2} rejected"
-            ))
-        },
-    )?;
+    let trainer = glimpses.train::<Trainer>(&files, r, |trainer, monitored| {
+        let model = trainer.learned();
+        let [(ours, covariance, mean), (theirs, ..)] = monitored.map(|rows| fit(&model, rows));
+        let (step, rejected) = trainer.leapfrog();
+        format!(
+            "free energy {ours:.2} (held out {theirs:.2})  covariance units on {covariance:.3}, mean units {mean:.3}  \
+             leapfrog step {step:.3}, {rejected:.2} rejected"
+        )
+    })?;
 
     let rbm = trainer.learned();
     let sizes = rbm.sizes();

@@ -71,17 +71,11 @@ fn train(args: &RbmArgs) -> Result<()> {
     let r = &recipe.training;
     r.check()?;
     let glimpses = common::Glimpses::look(&recipe.glimpses, &args.data, r.visible, r.seed)?;
-    let trainer = files.train::<Trainer, _>(
-        r,
-        &glimpses.sha256,
-        |_| Ok(glimpses.rows()),
-        |rows| *rows,
-        |trainer, _| {
-            let learned = trainer.learned();
-            let [fit, held] = glimpses.monitored().map(|rows| Fit::of(&learned, rows));
-            Ok(epoch_line(&fit, &held))
-        },
-    )?;
+    let trainer = glimpses.train::<Trainer>(&files, r, |trainer, monitored| {
+        let learned = trainer.learned();
+        let [fit, held] = monitored.map(|rows| Fit::of(&learned, rows));
+        epoch_line(&fit, &held)
+    })?;
 
     let (rbm, retina) = (trainer.learned(), &glimpses.retina);
     rbm.save(files.model, &glimpses.metadata(args.command("rbm", &recipe), r.seed, r.epochs))?;

@@ -106,6 +106,17 @@ impl Args {
 }
 
 impl Glimpses {
+    /// Trains on the same glimpses in every epoch, as [`Files::train`]. `line` describes the fit to the [monitored](Self::monitored) glimpses.
+    pub fn train<T: for<'d> Training<Data<'d> = Rows<'d>>>(
+        &self,
+        files: &Files<'_>,
+        recipe: &T::Recipe,
+        mut line: impl FnMut(&mut T, [Rows<'_>; 2]) -> String,
+    ) -> Result<T> {
+        let line = |trainer: &mut T, _: &Rows<'_>| Ok(line(trainer, self.monitored()));
+        files.train(recipe, &self.sha256, |_| Ok(self.rows()), |rows| *rows, line)
+    }
+
     /// Reads the pictures in a folder, takes the glimpses, and prints a summary. Fails before reading if a count is 0 or the retina's windows
     /// do not fit.
     pub fn look(recipe: &GlimpseRecipe, data: &Path, visible: Visible, seed: u64) -> Result<Self> {
