@@ -106,7 +106,7 @@ impl Args {
 }
 
 impl Glimpses {
-    /// Trains on the same glimpses in every epoch, as [`Files::train`]. `line` describes the fit to the [monitored](Self::monitored) glimpses.
+    /// Trains on the same glimpses in every epoch, as `Files::train`. `line` describes the fit to the [monitored](Self::monitored) glimpses.
     pub fn train<T: for<'d> Training<Data<'d> = Rows<'d>>>(
         &self,
         files: &Files<'_>,
