@@ -3,6 +3,7 @@
 //! `facade FILE WIDTH HEIGHT FRAMES X Y W H`: FILE has interleaved RGB frames without gaps. Prints each box so that it reads back
 //! bit for bit, then the seconds of each update, taking the pixels apart included, in one line.
 
+use foveate::geometry::Size;
 use foveate::scene::Pixels;
 use foveate::{BBox, Image, Profile, Result, Tracker};
 use std::time::Instant;
@@ -11,8 +12,8 @@ fn main() -> Result<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let bytes = std::fs::read(&words[0]).expect("a file of frames");
     let n: Vec<f64> = words[1..].iter().map(|word| word.parse().expect("a number")).collect();
-    let (size, frames) = ((n[0] as usize, n[1] as usize), n[2] as usize);
-    let (frame, stride) = (size.0 * size.1 * 3, size.0 * 3);
+    let (size, frames) = (Size::new(n[0] as usize, n[1] as usize), n[2] as usize);
+    let (frame, stride) = (size.width * size.height * 3, size.width * 3);
     let mut image = Image::from_pixels(Pixels::Rgb, size, stride, &bytes[..frame])?;
     let mut tracker = Tracker::new(Profile::Balanced)?;
     tracker.init(&image, BBox::new(n[3], n[4], n[5], n[6]))?;

@@ -31,7 +31,7 @@ pub(crate) fn export_boxes(
     if format == "yolo" {
         let size = size
             .ok_or_else(|| input(py, "YOLO's numbers are relative to the picture: give its size, (width, height)"))?;
-        return py.detach(|| write_yolo(boxes, size, &path)).or_raise(py);
+        return py.detach(|| write_yolo(boxes, size.into(), &path)).or_raise(py);
     }
     let Some(known) = Format::named(format) else {
         let names = Format::names().join(", ");

@@ -1,5 +1,6 @@
 //! NumPy pictures as foveate's: read in place, with any strides, into planes that are reused from frame to frame.
 
+use foveate::geometry::Size;
 use foveate::scene::Pixels as Layout;
 use foveate::{Image, memory};
 use numpy::ndarray::{Array2, Array3, ArrayView2, ArrayViewD, ArrayViewMut2, Axis, Ix2, Ix3};
@@ -191,7 +192,7 @@ impl Pixels<'_> {
         }
         let image = kept.as_mut().expect("it was put there");
         if let Some(bytes) = self.view.as_slice() {
-            image.refill(self.channels.pixels, (width, height), width * self.channels.depth, bytes)?;
+            image.refill(self.channels.pixels, Size { width, height }, width * self.channels.depth, bytes)?;
             return Ok(image);
         }
         for (plane, &channel) in self.channels.order.iter().enumerate() {

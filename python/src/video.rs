@@ -233,7 +233,7 @@ impl PyVideo {
     /// Width and height of a picture, pixels.
     #[getter]
     fn size(&self) -> (usize, usize) {
-        (self.info.width, self.info.height)
+        self.info.size().into()
     }
     /// Number of pictures in the source, if known; an estimate for sources read with ffmpeg.
     #[getter]

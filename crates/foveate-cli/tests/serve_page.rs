@@ -212,7 +212,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
 fn the_browsers_camera_is_followed_by_the_server() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let camera = dir.path().join("camera.y4m");
-    let (w, h) = served::SIZE;
+    let (w, h) = (served::SIZE.width, served::SIZE.height);
     let mut bytes = format!("YUV4MPEG2 W{w} H{h} F15:1 Ip A1:1 C420jpeg\n").into_bytes();
     for t in (0..FRAMES).chain((0..FRAMES).rev()) {
         bytes.extend_from_slice(b"FRAME\n");

@@ -7,7 +7,7 @@ pub use crate::config::{EncoderSite, ObservationSite, Parts, ProposalSite};
 pub use crate::conformance;
 pub use crate::control::{Autoregressive, Dynamics, Prior, Proposal, Reward};
 pub use crate::gaze::{Context, Expectation, Grid, Plan, Policy, PolicySnapshot, Surface};
-pub use crate::geometry::{Extent, Fixation, Gaze, State};
+pub use crate::geometry::{Extent, Fixation, Gaze, Size, State};
 pub use crate::identity::encoder::standardise;
 pub use crate::identity::retina::{Cell, FovealConfig};
 pub use crate::identity::{Appearance, Encoder, Foveal, Lesson, Memory, Percept, Retina, TemplateSource};

@@ -20,6 +20,41 @@ pub struct BBox {
     pub h: f64,
 }
 
+/// The size of a picture or of a map: columns and rows. It is saved as `[width, height]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "(usize, usize)", into = "(usize, usize)")]
+pub struct Size {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl Size {
+    /// A size by its columns and rows.
+    pub const fn new(width: usize, height: usize) -> Self {
+        Self { width, height }
+    }
+}
+
+impl From<(usize, usize)> for Size {
+    fn from((width, height): (usize, usize)) -> Self {
+        Self { width, height }
+    }
+}
+
+impl From<Size> for (usize, usize) {
+    fn from(Size { width, height }: Size) -> Self {
+        (width, height)
+    }
+}
+
+impl std::fmt::Display for Size {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} x {}", self.width, self.height)
+    }
+}
+
 /// All pairs of `n` boxes that share a column, by index, each once, by a sweep from left to right. `order` is a buffer.
 pub fn sharing_columns<'a>(
     n: usize,

@@ -32,7 +32,7 @@ pub use settings::Settings;
 
 use crate::engine::Claim;
 use crate::ensemble::Ensemble;
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Size};
 use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor};
 use crate::seen::Seen;
@@ -77,7 +77,7 @@ pub struct MultiTracker {
     next: usize,
     /// Whether the state was loaded since the last update: skipped pictures were counted before then.
     resumed: bool,
-    size: Option<(usize, usize)>,
+    size: Option<Size>,
     /// Width, height and planes of the last picture.
     shape: [usize; 3],
     /// In order of id.
@@ -158,11 +158,10 @@ impl MultiTracker {
     /// detection's box is not finite or has no width or height; nothing changes then. [`Error::Stopped`] if another thread has stopped the
     /// tracker: see [`MultiTracker::stopper`].
     pub fn update(&mut self, image: &Image, detections: &[Detection]) -> Result<&[Seen<'static>]> {
-        let size = (image.width(), image.height());
-        if self.size.is_some_and(|first| first != size) {
+        let size = image.size();
+        if let Some(first) = self.size.filter(|first| *first != size) {
             return Err(Error::Invalid(format!(
-                "the picture is {} x {}, those before it were {:?}; give pictures of one size, or call cut between them",
-                size.0, size.1, self.size
+                "the picture is {size}, those before it were {first}; give pictures of one size, or call cut between them"
             )));
         }
         detections.iter().enumerate().try_for_each(|(index, detection)| detection.check(index))?;

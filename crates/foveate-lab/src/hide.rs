@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::Image;
 
 /// How a target vanishes.
@@ -56,7 +56,7 @@ impl Hide {
     pub fn choose(
         way: Way,
         truth: &[Option<BBox>],
-        size: (usize, usize),
+        size: Size,
         (least, most): (usize, usize),
         seed: u64,
     ) -> Result<Self> {
@@ -83,7 +83,8 @@ impl Hide {
         if way == Way::Elsewhere {
             let free = |side: usize, length: f64| (side as f64 - length - 2.0).max(1.0);
             for _ in 0..100 {
-                let (x, y) = (rng.random::<f64>() * free(size.0, there.w), rng.random::<f64>() * free(size.1, there.h));
+                let (x, y) =
+                    (rng.random::<f64>() * free(size.width, there.w), rng.random::<f64>() * free(size.height, there.h));
                 aside = ((x - there.x) as isize, (y - there.y) as isize);
                 if (x - there.x).hypot(y - there.y) > 2.0 * (there.w * there.h).sqrt() {
                     break;
@@ -189,14 +190,14 @@ fn covered(image: &Image, b: &BBox) -> Image {
 mod tests {
     use super::*;
 
-    const SIZE: (usize, usize) = (80, 60);
+    const SIZE: Size = Size::new(80, 60);
 
     /// A gradient with a white target, and where it is.
     fn scene() -> (Image, BBox) {
-        let mut image = Image::grey(SIZE.0, SIZE.1, 0);
+        let mut image = Image::grey(SIZE.width, SIZE.height, 0);
         let b = BBox { x: 50.0, y: 20.0, w: 10.0, h: 12.0 };
         for (i, value) in image.plane_mut(0).iter_mut().enumerate() {
-            let (x, y) = (i % SIZE.0, i / SIZE.0);
+            let (x, y) = (i % SIZE.width, i / SIZE.width);
             let inside = (50..60).contains(&x) && (20..32).contains(&y);
             *value = if inside { 255 } else { (x + y) as u8 };
         }

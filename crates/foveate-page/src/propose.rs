@@ -1,6 +1,6 @@
 //! Proposes a box around a click: where motion (different from the camera's) and saliency differ most from their surroundings.
 
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::{Detector, Flow, Image, Map, Saliency};
 
 /// Minimum side of a box in pixels, and maximum fraction of the picture.
@@ -24,7 +24,7 @@ const PREFERENCE: f64 = 0.03;
 /// Returns a box around a place, or the most salient box without one, and its origin: `motion`, `saliency`, `size`. Motion is computed with
 /// another frame, the one before or after.
 pub(crate) fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> (BBox, &'static str) {
-    let size = (image.width(), image.height());
+    let size = image.size();
     let (mut flow, mut saliency) = (Flow::default(), Saliency::default());
     let (mut moving, mut salient) = (vec![], vec![]);
     if let Some(other) = other.filter(|other| other.shape() == image.shape()) {
@@ -38,7 +38,7 @@ pub(crate) fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64
     if let Some((bbox, map)) = found {
         return (bbox, ["motion", "saliency"][map]);
     }
-    let (w, h) = (size.0 as f64, size.1 as f64);
+    let (w, h) = (size.width as f64, size.height as f64);
     let (x, y) = at.unwrap_or((w / 2.0, h / 2.0));
     let side = (PLAIN * w.min(h)).max(LEAST);
     (inside(&BBox::around(x, y, side, side), size), "size")
@@ -46,9 +46,9 @@ pub(crate) fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64
 
 /// Returns the box around a place in which the maps, relative to their values there, differ most from the surroundings; and the first map
 /// above its threshold there.
-fn about(maps: &[(&Map, f32)], (x, y): (f64, f64), (width, height): (usize, usize)) -> Option<(BBox, usize)> {
-    let step = (width.max(height) as f64 / POINTS as f64).max(2.0);
-    let (w, h) = ((width as f64 / step).ceil() as usize, (height as f64 / step).ceil() as usize);
+fn about(maps: &[(&Map, f32)], (x, y): (f64, f64), size: Size) -> Option<(BBox, usize)> {
+    let step = (size.width.max(size.height) as f64 / POINTS as f64).max(2.0);
+    let (w, h) = ((size.width as f64 / step).ceil() as usize, (size.height as f64 / step).ceil() as usize);
     let (mut values, mut first) = (vec![0.0f64; w * h], None);
     for (k, (map, least)) in maps.iter().enumerate().filter(|(_, (map, _))| !map.values().is_empty()) {
         let near = |i: i32, j: i32| {
@@ -98,7 +98,7 @@ fn about(maps: &[(&Map, f32)], (x, y): (f64, f64), (width, height): (usize, usiz
         side *= 1.15;
     }
     let scaled = |b: BBox| BBox { x: b.x * step, y: b.y * step, w: b.w * step, h: b.h * step };
-    bbox.map(|b| (inside(&scaled(b), (width, height)), first))
+    bbox.map(|b| (inside(&scaled(b), size), first))
 }
 
 /// Sums of values over boxes.
@@ -131,7 +131,7 @@ impl Sums {
 }
 
 /// Returns a box of whole pixels, of at least the minimum size, inside the picture.
-fn inside(b: &BBox, (width, height): (usize, usize)) -> BBox {
+fn inside(b: &BBox, Size { width, height }: Size) -> BBox {
     let fit = |from: f64, side: f64, room: usize| {
         let side = side.round().max(LEAST).min(room as f64);
         (from.round().clamp(0.0, room as f64 - side), side)

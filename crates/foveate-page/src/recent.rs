@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::player::Frames;
 use foveate_base::{Error, Result};
+use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 use foveate_video::{Frame, Meter};
 
@@ -15,7 +16,7 @@ pub(crate) const RECENT: usize = 8;
 #[derive(Clone, Debug)]
 pub struct Recent {
     shared: Arc<Mutex<Kept>>,
-    size: (usize, usize),
+    size: Size,
     /// Counts frames of the source that never arrived.
     pub meter: Meter,
 }
@@ -28,8 +29,8 @@ struct Kept {
 
 impl Recent {
     /// Creates an empty store for frames of this size.
-    pub fn new(width: usize, height: usize) -> Self {
-        Self { shared: Arc::default(), size: (width, height), meter: Meter::default() }
+    pub fn new(size: Size) -> Self {
+        Self { shared: Arc::default(), size, meter: Meter::default() }
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
@@ -37,7 +38,7 @@ impl Recent {
     }
 
     /// Returns width and height in pixels.
-    pub fn size(&self) -> (usize, usize) {
+    pub fn size(&self) -> Size {
         self.size
     }
 
@@ -51,9 +52,9 @@ impl Recent {
     /// # Errors
     /// Its size differs from that of the first frame.
     pub fn push(&self, image: Image, time: f64, missed: u64) -> Result<usize> {
-        let ((width, height), (w, h)) = (self.size, (image.width(), image.height()));
-        if (w, h) != (width, height) {
-            let problem = format!("expected a frame of {width} x {height} pixels as the first one, found {w} x {h}");
+        if image.size() != self.size {
+            let (size, found) = (self.size, image.size());
+            let problem = format!("expected a frame of {size} pixels as the first one, found {found}");
             return Err(Error::Invalid(problem + "; open it again"));
         }
         self.meter.drop_frames(missed);

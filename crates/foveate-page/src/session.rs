@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use foveate_base::{Error, Result};
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::Image;
 use foveate_report::RunInfo;
 use foveate_report::run::check_box;
@@ -93,7 +93,7 @@ impl<H: Host> Session<H> {
         }
         let rate = if rate.is_finite() && (1.0..=1000.0).contains(&rate) { rate } else { 30.0 };
         let info = SourceInfo { width, height, frames: None, rate, reader: "the browser".into() };
-        Self::new(name, Source::Live(Recent::new(width, height), None), info, vec![])
+        Self::new(name, Source::Live(Recent::new(Size { width, height }), None), info, vec![])
     }
 
     fn is_live(&self) -> bool {

@@ -2,6 +2,7 @@
 
 use crate::decode::MAX_SIDE;
 use foveate_base::{Error, Result, memory};
+use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 
 /// The width of a pixel over its height, in lowest terms.
@@ -31,14 +32,14 @@ impl Aspect {
         sensible.then(|| Self { across: across / n, down: down / n })
     }
 
-    /// The sides of a picture of `width` by `height` stored pixels as players show it: one of them grows, so that no pixel is lost.
-    pub(crate) fn shown(self, width: usize, height: usize) -> (usize, usize) {
+    /// The size of a picture of so many stored pixels as players show it: one of them grows, so that no pixel is lost.
+    pub(crate) fn shown(self, Size { width, height }: Size) -> Size {
         let grown = |side: usize, by: u32, over: u32| {
             ((side as u64 * u64::from(by) + u64::from(over) / 2) / u64::from(over)) as usize
         };
         match self.across >= self.down {
-            true => (grown(width, self.across, self.down), height),
-            false => (width, grown(height, self.down, self.across)),
+            true => Size::new(grown(width, self.across, self.down), height),
+            false => Size::new(width, grown(height, self.down, self.across)),
         }
     }
 
@@ -47,13 +48,13 @@ impl Aspect {
     /// # Errors
     /// The picture would be larger than [`MAX_SIDE`], or take more memory than there may be.
     pub(crate) fn square(self, image: Image) -> Result<Image> {
-        let (width, height) = self.shown(image.width(), image.height());
-        if (width, height) == (image.width(), image.height()) {
+        let size @ Size { width, height } = self.shown(image.size());
+        if size == image.size() {
             return Ok(image);
         }
         if width.max(height) > MAX_SIDE {
             return Err(Error::Invalid(format!(
-                "expected sides up to {MAX_SIDE} pixels, found {width} x {height} in square pixels; make the video smaller"
+                "expected sides up to {MAX_SIDE} pixels, found {size} in square pixels; make the video smaller"
             )));
         }
         memory::check_picture(width, height)?;
@@ -107,7 +108,7 @@ mod tests {
             ((10, 11), (704, 480), (704, 528)),
             ((7, 7), (5, 3), (5, 3)),
         ] {
-            assert_eq!(of(across, down).shown(stored.0, stored.1), shown, "{across}:{down}");
+            assert_eq!(of(across, down).shown(stored.into()), shown.into(), "{across}:{down}");
         }
         assert_eq!(of(40, 30), of(4, 3));
         assert!([(0, 1), (1, 0), (17, 1), (1, 17), (u32::MAX, 1)].iter().all(|&(a, b)| Aspect::new(a, b).is_none()));
@@ -118,7 +119,7 @@ mod tests {
     fn a_ramp_stays_a_ramp() {
         let ramp = Image::new(20, 2, 1, (0..40).map(|i| (i % 20 * 12) as u8).collect()).expect("sizes agree");
         let wide = of(2, 1).square(ramp.clone()).expect("small");
-        assert_eq!((wide.width(), wide.height()), (40, 2));
+        assert_eq!(wide.size(), Size::new(40, 2));
         for x in 1..39 {
             let wanted = 12.0 * ((x as f64 + 0.5) / 2.0 - 0.5);
             assert!((f64::from(wide.at(0, x, 1)) - wanted).abs() <= 0.5, "{x}: {}", wide.at(0, x, 1));

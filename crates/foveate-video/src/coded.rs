@@ -8,6 +8,7 @@ use crate::stream::Mp4;
 use crate::yuv::Yuv;
 use crate::{Frame, SourceInfo};
 use foveate_base::{Error, Result};
+use foveate_core::geometry::Size;
 
 /// A video as it is coded.
 pub struct CodedVideo {
@@ -67,26 +68,20 @@ impl CodedVideo {
         self.mp4.samples().map(frame)
     }
 
-    /// The frame at a position from planes of another decoder, `width` by `height` as coded. With equal planes it
+    /// The frame at a position from planes of another decoder, of this size as coded. With equal planes it
     /// equals that of [`VideoFile`](crate::VideoFile).
     ///
     /// # Errors
     /// The position does not exist, the number of bytes does not fit the size, or the picture is not of the video's
     /// size.
-    pub fn picture(
-        &self,
-        place: usize,
-        (width, height): (usize, usize),
-        planes: Planes,
-        bytes: &[u8],
-        info: &SourceInfo,
-    ) -> Result<Frame> {
+    pub fn picture(&self, place: usize, size: Size, planes: Planes, bytes: &[u8], info: &SourceInfo) -> Result<Frame> {
+        let Size { width, height } = size;
         let wrong = |problem: String| Error::Frame { path: self.name.clone(), frame: place + 1, problem };
         let time = self.mp4.time_of(place).ok_or_else(|| wrong("the video has no such frame".into()))?;
-        let chroma = (width.div_ceil(2), height.div_ceil(2));
-        let (luma, each) = (width.saturating_mul(height), chroma.0.saturating_mul(chroma.1));
+        let chroma = Size::new(width.div_ceil(2), height.div_ceil(2));
+        let (luma, each) = (width.saturating_mul(height), chroma.width.saturating_mul(chroma.height));
         if width == 0 || height == 0 || bytes.len() != luma.saturating_add(2 * each) {
-            return Err(wrong(format!("expected a picture of {width} x {height} pixels, found {} bytes", bytes.len())));
+            return Err(wrong(format!("expected a picture of {size} pixels, found {} bytes", bytes.len())));
         }
         let (y, colours) = bytes.split_at(luma);
         let (u, v) = match planes {
@@ -94,9 +89,8 @@ impl CodedVideo {
             Planes::Nv12 => colours.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip(),
         };
         let image = self.mp4.image(&Yuv { width, height, chroma, y: y.to_vec(), u, v })?;
-        if (image.width(), image.height()) != (info.width, info.height) {
-            let (w, h) = (image.width(), image.height());
-            return Err(wrong(format!("expected {} x {} pixels, found {w} x {h}", info.width, info.height)));
+        if image.size() != info.size() {
+            return Err(wrong(format!("expected {} pixels, found {}", info.size(), image.size())));
         }
         Ok(Frame { index: place, time, image })
     }
@@ -136,7 +130,7 @@ mod tests {
         for (place, frame) in own.take(most).enumerate() {
             let frame = frame.expect("a good frame");
             let (yuv, _) = planes.yuv().expect("a frame").expect("a good one");
-            let size = (yuv.width, yuv.height);
+            let size = Size::new(yuv.width, yuv.height);
             let woven: Vec<u8> = yuv.u.iter().zip(&yuv.v).flat_map(|(u, v)| [*u, *v]).collect();
             for (kind, bytes) in
                 [(Planes::I420, [&*yuv.y, &*yuv.u, &*yuv.v].concat()), (Planes::Nv12, [&*yuv.y, &*woven].concat())]
@@ -148,7 +142,7 @@ mod tests {
                 assert!(short.expect_err("a byte is missing").to_string().contains("pixels"));
             }
         }
-        assert!(coded.picture(places.len(), (2, 2), Planes::I420, &[0; 6], &info).is_err());
+        assert!(coded.picture(places.len(), Size::new(2, 2), Planes::I420, &[0; 6], &info).is_err());
     }
 
     #[test]

@@ -19,6 +19,7 @@ use crate::y4m::Y4m;
 use crate::yuv::Colour;
 use crate::{Frame, LiveOptions, Remarks, SourceInfo};
 use foveate_base::{Error, Result, thread};
+use foveate_core::geometry::Size;
 
 /// The first pause before a stream is opened again, and the longest; each is twice the one before.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(4));
@@ -197,7 +198,7 @@ impl Connection {
         let (mut command, line) =
             guarded(program).map_err(|error| format!("a pipe to ffmpeg cannot be made ({error})"))?;
         command
-            .args(arguments(&self.scheme, &self.address, self.options.listen, (self.info.width, self.info.height)))
+            .args(arguments(&self.scheme, &self.address, self.options.listen, self.info.size()))
             .args(self.passthrough)
             // One frame goes to both outputs before the next one is made, its time first.
             .args(["-enc_time_base", TICKS, "-c:v", "wrapped_avframe", "-strict", "-1", "-f", "tee"])
@@ -233,7 +234,7 @@ impl Connection {
         let full = pixels.head.full_range.unwrap_or(false);
         let image = yuv.to_rgb(Colour::new(None, full, yuv.width, yuv.height));
         let image = pixels.head.aspect.square(image).ok()?;
-        self.remarks.set_sides((yuv.width, yuv.height), (image.width(), image.height()));
+        self.remarks.set_sides(Size::new(yuv.width, yuv.height), image.size());
         let stamp = self.times.as_ref().and_then(|times| times.recv_timeout(PATIENCE).ok());
         if stamp.is_none() {
             // Those that come late would belong to other frames.
@@ -345,7 +346,7 @@ fn advice(reason: &str) -> &'static str {
 }
 
 /// The options of ffmpeg up to its output. Once the size is known, frames keep it.
-fn arguments(scheme: &Scheme, address: &Path, listen: bool, size: (usize, usize)) -> Vec<OsString> {
+fn arguments(scheme: &Scheme, address: &Path, listen: bool, size: Size) -> Vec<OsString> {
     let input = scheme.input(address);
     // Decoding several frames at a time would hold back as many.
     let mut options =
@@ -353,7 +354,8 @@ fn arguments(scheme: &Scheme, address: &Path, listen: bool, size: (usize, usize)
     options.extend(scheme.listen.filter(|_| listen).unwrap_or_default());
     let most = most_pixels();
     options.extend(["-max_pixels", &most]);
-    let scale = if size.0 > 0 { format!("scale={}:{},{FORMATS}", size.0, size.1) } else { FORMATS.to_owned() };
+    let scale =
+        if size.width > 0 { format!("scale={}:{},{FORMATS}", size.width, size.height) } else { FORMATS.to_owned() };
     let mut all: Vec<OsString> = options.into_iter().map(OsString::from).collect();
     all.extend(input.guards());
     all.extend(["-i".into(), input.name]);

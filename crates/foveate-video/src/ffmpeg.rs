@@ -25,6 +25,7 @@ use crate::yuv::{Colour, Yuv};
 use facts::Facts;
 pub(crate) use facts::probe;
 use foveate_base::{memory, thread};
+use foveate_core::geometry::Size;
 pub(crate) use input::{Input, KINDS};
 pub(crate) use said::Said;
 
@@ -141,7 +142,7 @@ impl Ffmpeg {
         let (times, writer) = pipe().map_err(|error| format!("a pipe to ffmpeg cannot be made ({error})"))?;
         let stream = self.facts.stream.map_or("0:V:0".to_owned(), |stream| format!("0:{stream}"));
         // Where the size changes it stops, in the place of making all pictures as large as the first.
-        let guard = self.facts.sides.map_or(String::new(), |(width, height)| {
+        let guard = self.facts.sides.map_or(String::new(), |Size { width, height }| {
             format!(",scale=w='if(eq(iw,{width})*eq(ih,{height}),iw,NAN)':h=ih")
         });
         let mut command = Command::new(&self.program);
@@ -197,7 +198,7 @@ impl Ffmpeg {
         let full = head.and_then(|head| head.full_range).unwrap_or(self.facts.full_range);
         let image = yuv.to_rgb(Colour::new(self.facts.matrix, full, yuv.width, yuv.height));
         let image = head.map_or(Aspect::default(), |head| head.aspect).square(image)?;
-        self.remarks.set_sides((yuv.width, yuv.height), (image.width(), image.height()));
+        self.remarks.set_sides(Size::new(yuv.width, yuv.height), image.size());
         let stamp = self.times.recv().ok();
         self.frames += 1;
         self.last = match stamp {
@@ -228,10 +229,8 @@ impl Ffmpeg {
             };
         }
         if said.resized {
-            let size = self
-                .facts
-                .sides
-                .map_or(String::new(), |(w, h)| format!("expected {w} x {h} pixels as in the first frame, "));
+            let expected = |size: Size| format!("expected {size} pixels as in the first frame, ");
+            let size = self.facts.sides.map_or(String::new(), expected);
             return Some(Err(DecodeError::Damaged(format!(
                 "{size}found others; cut the video where the size changes"
             ))));

@@ -181,14 +181,13 @@ impl Iterator for VideoFile {
         let frame = match self.first.take() {
             Some(first) => Ok(first),
             None => self.picture()?.and_then(|(image, time)| {
-                let (found, wanted) = ((image.width(), image.height()), (self.info.width, self.info.height));
+                let (found, wanted) = (image.size(), self.info.size());
                 if found == wanted {
                     return Ok(Frame { index: self.next, time, image });
                 }
                 self.reader = None;
                 Err(self.error(format!(
-                    "expected {} x {} pixels as in the first frame, found {} x {}; cut the video where the size changes",
-                    wanted.0, wanted.1, found.0, found.1
+                    "expected {wanted} pixels as in the first frame, found {found}; cut the video where the size changes"
                 )))
             }),
         };

@@ -59,14 +59,12 @@ impl ImageFolder {
             Some(first) if index == 0 => first,
             _ => load(path, index)?,
         };
-        if (image.width(), image.height()) != (self.info.width, self.info.height) {
+        if image.size() != self.info.size() {
             let problem = format!(
-                "expected {} x {} pixels as in the first frame ({}), found {} x {}; all frames of a video have one size",
-                self.info.width,
-                self.info.height,
+                "expected {} pixels as in the first frame ({}), found {}; all frames of a video have one size",
+                self.info.size(),
                 self.files[0].display(),
-                image.width(),
-                image.height(),
+                image.size(),
             );
             return Err(Error::Frame { path: path.clone(), frame: index + 1, problem });
         }

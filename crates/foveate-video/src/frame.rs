@@ -3,6 +3,7 @@
 use crate::Remarks;
 use crate::child::Interrupt;
 use foveate_base::Result;
+use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 
 /// One picture of a video.
@@ -61,6 +62,10 @@ pub struct SourceInfo {
 }
 
 impl SourceInfo {
+    /// Width and height of a frame in pixels.
+    pub fn size(&self) -> Size {
+        Size { width: self.width, height: self.height }
+    }
     /// The exact number of frames, if known. For files that ffmpeg reads only an estimate from length and rate
     /// exists.
     pub fn exact_frames(&self) -> Option<usize> {

@@ -8,6 +8,7 @@ use crate::sps;
 use crate::sps::Sps;
 use crate::yuv::Yuv;
 use foveate_base::{memory, quiet};
+use foveate_core::geometry::Size;
 
 /// The parameters that decoders need before the first frame.
 #[derive(Clone, Debug)]
@@ -118,8 +119,8 @@ fn is_sequence_set(nal: &[u8]) -> bool {
 fn check_size(set: &[u8]) -> Decoded<Sps> {
     let unread = || DecodeError::Unsupported("settings (a sequence parameter set) that cannot be read".into());
     let sps = sps::parse(set).ok_or_else(unread)?;
-    let (width, height) = sps.coded;
-    memory::check(format_args!("H.264 video of {width} x {height} pixels"), memory::of_picture(width, height) / 2 * 3)?;
+    let size = sps.coded;
+    memory::check(format_args!("H.264 video of {size} pixels"), memory::of_picture(size.width, size.height) / 2 * 3)?;
     Ok(sps)
 }
 
@@ -198,7 +199,7 @@ impl Decoder {
             })
         })?;
         Ok(picture.map(|p| {
-            let chroma = (p.width.div_ceil(2), p.height.div_ceil(2));
+            let chroma = Size::new(p.width.div_ceil(2), p.height.div_ceil(2));
             Yuv { width: p.width, height: p.height, chroma, y: p.y, u: p.u, v: p.v }
         }))
     }
@@ -227,7 +228,7 @@ fn annex_b<'a>(units: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
 
 fn eight_bits(frame: rust_h264::decoder::Frame) -> Yuv {
     let (width, height) = (frame.width as usize, frame.height as usize);
-    let chroma = (frame.chroma_width() as usize, frame.chroma_height() as usize);
+    let chroma = Size::new(frame.chroma_width() as usize, frame.chroma_height() as usize);
     let shift = frame.bit_depth.saturating_sub(8);
     let reduce = |plane: Vec<u8>| match shift {
         0 => plane,

@@ -14,6 +14,7 @@ use crate::timing::{Timing, UNITS};
 use crate::yuv::{Colour, Yuv};
 use foveate_base::sink::Sink;
 use foveate_base::{Error, Result, quiet, thread};
+use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 
 /// Frames in a group: a second of video, so that a player finds any place fast.
@@ -145,14 +146,12 @@ impl Mp4Writer {
     /// [`Error::Invalid`] if its size is not that of the video or the time is NaN; [`Error::Io`] if an earlier
     /// picture cannot be written.
     pub fn push(&mut self, image: &Image, time: f64) -> Result<()> {
-        if (image.width(), image.height()) != (self.width, self.height) {
+        let expected = Size::new(self.width, self.height);
+        if image.size() != expected {
             return Err(Error::Invalid(format!(
-                "frame {} of a video: expected {} x {} pixels, got {} x {}",
+                "frame {} of a video: expected {expected} pixels, got {}",
                 self.times.len() + 1,
-                self.width,
-                self.height,
-                image.width(),
-                image.height()
+                image.size()
             )));
         }
         if !time.is_finite() {

@@ -11,6 +11,7 @@ use crate::y4m::Y4m;
 use crate::yuv::Colour;
 use crate::{Frame, FrameSource, Remarks, SourceInfo};
 use foveate_base::{Error, Result, memory};
+use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 
 type Bytes = Box<dyn Read + Send>;
@@ -42,10 +43,10 @@ impl Piped {
         let stream = Y4m::new(reader, read).map_err(|error| match error {
             DecodeError::Damaged(problem) | DecodeError::Unsupported(problem) => Error::malformed(&name, problem),
         })?;
-        let stored = (stream.head.width, stream.head.height);
-        let (width, height) = stream.head.aspect.shown(stored.0, stored.1);
+        let stored = Size::new(stream.head.width, stream.head.height);
+        let shown @ Size { width, height } = stream.head.aspect.shown(stored);
         let remarks = Remarks::default();
-        remarks.set_sides(stored, (width, height));
+        remarks.set_sides(stored, shown);
         let rate = stream.head.rate.unwrap_or(RATE);
         let info = SourceInfo { width, height, frames: None, rate, reader: "yuv4mpeg".into() };
         Ok(Self { name, info, remarks, kind: Some(Kind::Y4m(stream)), next: 0, notify: |_| () })
@@ -89,7 +90,7 @@ impl Kind {
             Self::Y4m(stream) => Some(match stream.picture()? {
                 Ok(yuv) => {
                     // Grey that states no range is written in full range by the programs that write it.
-                    let full = stream.head.full_range.unwrap_or(yuv.chroma == (0, 0));
+                    let full = stream.head.full_range.unwrap_or(yuv.is_grey());
                     let image = yuv.to_rgb(Colour::new(None, full, yuv.width, yuv.height));
                     stream.head.aspect.square(image).map_err(|error| error.to_string())
                 }

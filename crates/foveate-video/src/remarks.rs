@@ -3,14 +3,16 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use foveate_core::geometry::Size;
+
 /// What was found so far while a source was read. Clones share it, and it goes on being filled after the source was handed over.
 #[derive(Clone, Debug, Default)]
 pub struct Remarks(Arc<Mutex<Found>>);
 
 #[derive(Debug, Default)]
 struct Found {
-    /// Stored and displayed sides, if pixels are not square.
-    sides: Option<[(usize, usize); 2]>,
+    /// Stored and displayed size, if pixels are not square.
+    sides: Option<[Size; 2]>,
     /// Damaged frames, counted from 1, and what the decoder reported of the first.
     damaged: BTreeSet<usize>,
     report: String,
@@ -32,12 +34,12 @@ impl Remarks {
 
     /// Where the stored pixels are not square: in which pixels the pictures are, and how to convert. Known from the first frame on.
     pub fn shape(&self) -> Option<String> {
-        self.found().sides.map(|[(w, h), (width, height)]| {
+        self.found().sides.map(|[stored, shown]| {
             format!(
-                "The stored pixels are not square ({w} x {h}): pictures and boxes are {width} x {height}, as players show them. \
+                "The stored pixels are not square ({stored}): pictures and boxes are {shown}, as players show them. \
                  To convert a box of stored pixels, multiply x and width by {:.4}, y and height by {:.4}.",
-                width as f64 / w as f64,
-                height as f64 / h as f64
+                shown.width as f64 / stored.width as f64,
+                shown.height as f64 / stored.height as f64
             )
         })
     }
@@ -62,8 +64,8 @@ impl Remarks {
         all
     }
 
-    /// The stored sides of a picture, and those in square pixels.
-    pub(crate) fn set_sides(&self, stored: (usize, usize), shown: (usize, usize)) {
+    /// The stored size of a picture, and that in square pixels.
+    pub(crate) fn set_sides(&self, stored: Size, shown: Size) {
         if stored != shown {
             self.found().sides = Some([stored, shown]);
         }
@@ -94,12 +96,12 @@ mod tests {
     #[test]
     fn each_kind_is_a_sentence() {
         let remarks = Remarks::default();
-        remarks.set_sides((4, 4), (4, 4));
+        remarks.set_sides(Size::new(4, 4), Size::new(4, 4));
         assert!(remarks.shape().is_none() && remarks.sentences().is_empty() && remarks.damaged() == 0);
         remarks.clone().add_damage(3, "ac-tex damaged at 1 13");
         remarks.add_damage(3, "another one of the same frame");
         remarks.add_untimed(9);
-        remarks.set_sides((720, 576), (1024, 576));
+        remarks.set_sides(Size::new(720, 576), Size::new(1024, 576));
         let all = remarks.sentences();
         assert_eq!((remarks.damaged(), all.len()), (1, 2));
         let shape = remarks.shape().expect("not square");

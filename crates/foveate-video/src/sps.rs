@@ -2,6 +2,7 @@
 //! and colour coding (ITU-T H.264, 7.3.2.1.1 and E.1.1).
 
 use crate::aspect::Aspect;
+use foveate_core::geometry::Size;
 
 /// What is read of a sequence parameter set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -10,7 +11,7 @@ pub(super) struct Sps {
     pub width: usize,
     pub height: usize,
     /// The coded size, in whole blocks, before cropping: the size that decoders allocate.
-    pub coded: (usize, usize),
+    pub coded: Size,
     /// Whether pixels are cropped away at the left or the top.
     pub cropped_before: bool,
     /// Matrix coefficients of table E-5, if present; 2 is "unspecified".
@@ -88,7 +89,7 @@ pub(super) fn parse(nal: &[u8]) -> Option<Sps> {
     let unit_y = if chroma == 1 { 2 } else { 1 } * field;
     let (coded_width, width) = side(columns, [left, right], unit_x)?;
     let (coded_height, height) = side(rows.checked_mul(field)?, [top, bottom], unit_y)?;
-    let coded = (coded_width, coded_height);
+    let coded = Size::new(coded_width, coded_height);
     let mut sps = Sps { width, height, coded, cropped_before: left > 0 || top > 0, ..Sps::default() };
     // It may be missing, or end early.
     let _ = usability(&mut r, &mut sps);
@@ -212,7 +213,7 @@ mod tests {
         for (hex, (width, height, coded, cropped_before, matrix, full_range)) in kinds {
             let found = parse(&bytes(hex)).expect("a good set");
             let found = Sps { matrix: found.matrix.filter(|&matrix| matrix != 2), ..found };
-            let aspect = found.aspect;
+            let (coded, aspect) = (coded.into(), found.aspect);
             assert_eq!(found, Sps { width, height, coded, cropped_before, matrix, full_range, aspect }, "{hex}");
             for n in 0..hex.len() / 2 - 1 {
                 let _ = parse(&bytes(&hex[..2 * n]));

@@ -15,6 +15,7 @@ use crate::mp4;
 use crate::mp4::{Movie, Sample};
 use crate::yuv::{Colour, Yuv};
 use foveate_base::memory;
+use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 
 /// Bytes with random access: a file or its equivalent.
@@ -212,8 +213,8 @@ impl Mp4 {
         let image = yuv.to_rgb(Colour::new(matrix, full, yuv.width, yuv.height));
         let image = turned(self.aspect.square(image)?, self.movie.turns);
         let (w, h) = (yuv.width, yuv.height);
-        let stored = if self.movie.turns % 2 == 1 { (h, w) } else { (w, h) };
-        self.remarks.set_sides(stored, (image.width(), image.height()));
+        let stored = if self.movie.turns % 2 == 1 { Size::new(h, w) } else { Size::new(w, h) };
+        self.remarks.set_sides(stored, image.size());
         Ok(image)
     }
 

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use crate::decode::decode_image;
 use crate::{Frame, FrameSource, SourceInfo, encode_png};
 use foveate_base::{Error, Result, files, memory};
+use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 use foveate_core::scene::sensor::{Regions, Window};
 
@@ -26,7 +27,7 @@ pub struct TileFolder {
     frames: Vec<PathBuf>,
     shape: [usize; 3],
     /// Tile sizes of the levels.
-    tiles: Vec<(usize, usize)>,
+    tiles: Vec<Size>,
     /// Number of times that its sides are halved for readers.
     halvings: usize,
 }
@@ -64,12 +65,11 @@ impl TileFolder {
             |at: &dyn Fn(usize) -> (usize, usize)| (0..).take_while(|i| file(first, 0, at(*i)).is_some()).count();
         let (columns, rows) = (count(&|i| (i, 0)), count(&|i| (0, i)));
         let last = load(first, 0, (columns - 1, rows - 1))?;
-        let (w, h) = (tile.width(), tile.height());
-        let shape = [(columns - 1) * w + last.width(), (rows - 1) * h + last.height(), tile.planes()];
-        let mut tiles = vec![(w, h)];
+        let size @ Size { width, height } = tile.size();
+        let shape = [(columns - 1) * width + last.width(), (rows - 1) * height + last.height(), tile.planes()];
+        let mut tiles = vec![size];
         while tiles.len() < LEVELS && file(first, tiles.len(), (0, 0)).is_some() {
-            let tile = load(first, tiles.len(), (0, 0))?;
-            tiles.push((tile.width(), tile.height()));
+            tiles.push(load(first, tiles.len(), (0, 0))?.size());
         }
         Ok(Self { frames, shape, tiles, halvings: 0 })
     }
@@ -92,7 +92,7 @@ impl TileFolder {
     /// The first one is an error if a picture of the read size, which trackers fill, exceeds the memory limit.
     pub fn frames(&self) -> TileFrames {
         let [width, height, _] = self.served();
-        let reader = format!("tiles of {} x {} at {} resolutions", self.tiles[0].0, self.tiles[0].1, self.tiles.len());
+        let reader = format!("tiles of {} at {} resolutions", self.tiles[0], self.tiles.len());
         TileFrames { next: 0, info: SourceInfo { width, height, frames: Some(self.len()), rate: RATE, reader } }
     }
     /// How many frames it has.
@@ -153,10 +153,10 @@ impl Regions for Tiles<'_> {
         let halvings = self.folder.halvings;
         let bin = (window.bin.0 << halvings, window.bin.1 << halvings);
         let window = Window { x: window.x << halvings, y: window.y << halvings, bin, ..window };
-        let (right, bottom) = window.end((width, height));
+        let (right, bottom) = window.end(Size { width, height });
         let least = window.bin.0.min(window.bin.1);
         let level = (0..self.folder.tiles.len()).rev().find(|l| 1 << l <= least).unwrap_or(0);
-        let (tw, th) = self.folder.tiles[level];
+        let Size { width: tw, height: th } = self.folder.tiles[level];
         let mut decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
         let Decoded { tiles: decoded, time } = &mut *decoded;
         let (mut values, began) = (0, Instant::now());

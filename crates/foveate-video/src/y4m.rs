@@ -8,6 +8,7 @@ use crate::aspect::Aspect;
 use crate::decode::MAX_SIDE;
 use crate::decoded::{DecodeError, Decoded};
 use crate::yuv::Yuv;
+use foveate_core::geometry::Size;
 
 /// The first bytes of a stream.
 pub(crate) const MAGIC: &[u8] = b"YUV4MPEG2 ";
@@ -22,8 +23,8 @@ pub(crate) struct Head {
     pub height: usize,
     /// Frames a second, if present.
     pub rate: Option<f64>,
-    /// Width and height of the chroma planes; `None` if grey.
-    chroma: Option<(usize, usize)>,
+    /// Size of the chroma planes; `None` if grey.
+    chroma: Option<Size>,
     /// Bits a sample, 8 to 16.
     depth: u32,
     /// Whether samples use the full range. Grey without a statement does, as programs write it.
@@ -77,7 +78,7 @@ impl<R: Read> Y4m<R> {
     fn planes(&mut self) -> Decoded<Yuv> {
         let Head { width, height, chroma, depth, .. } = self.head;
         let (wide, luma) = (if depth > 8 { 2 } else { 1 }, width * height);
-        let part = chroma.map_or(0, |(w, h)| w * h);
+        let part = chroma.map_or(0, |Size { width, height }| width * height);
         let wanted = wide * (luma + 2 * part);
         self.bytes.clear();
         // Memory follows the bytes that come, not those that the first line promises.
@@ -97,7 +98,7 @@ impl<R: Read> Y4m<R> {
             bytes.chunks_exact(2).map(|b| (u16::from_le_bytes([b[0], b[1]]) >> (depth - 8)) as u8).collect()
         };
         let (y, u, v) = (plane(0, luma), plane(luma, part), plane(luma + part, part));
-        Ok(Yuv { width, height, chroma: chroma.unwrap_or((0, 0)), y, u, v })
+        Ok(Yuv { width, height, chroma: chroma.unwrap_or_default(), y, u, v })
     }
 }
 
@@ -219,9 +220,9 @@ fn parse(line: &[u8]) -> Result<Head, String> {
     };
     let half = |side: usize| side.div_ceil(2);
     let chroma = match kind {
-        "420" => Some((half(width), half(height))),
-        "422" => Some((half(width), height)),
-        "444" => Some((width, height)),
+        "420" => Some(Size::new(half(width), half(height))),
+        "422" => Some(Size::new(half(width), height)),
+        "444" => Some(Size { width, height }),
         "mono" => None,
         _ => return Err(unknown()),
     };
@@ -273,7 +274,7 @@ mod tests {
             assert_eq!((head.width, head.height, pictures.len()), (3, 2, 2), "{colour}");
             assert!((head.rate.expect("a rate") - 29.97).abs() < 0.01 && head.full_range.is_none());
             assert_eq!(head.aspect, Aspect::default());
-            assert_eq!(pictures[0].chroma, chroma, "{colour}");
+            assert_eq!(pictures[0].chroma, chroma.into(), "{colour}");
             let image = pictures[1].to_rgb(Colour::new(None, true, 3, 2));
             assert_eq!(image.planes(), if chroma.0 == 0 { 1 } else { 3 }, "{colour}");
         }

@@ -4,6 +4,7 @@
 //! BT.709 from 1280 wide or above 576 high, else BT.601, and limited range (16 to 235).
 //! Chroma is repeated, not interpolated; colours next to sharp edges differ a little from other programs.
 
+use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 
 /// One decoded picture: 8 bits a sample, chroma of half or full size in either direction.
@@ -12,7 +13,7 @@ pub(crate) struct Yuv {
     pub width: usize,
     pub height: usize,
     /// Width and height of `u` and `v`: those of the picture, or half of them, rounded up; 0 if grey.
-    pub chroma: (usize, usize),
+    pub chroma: Size,
     pub y: Vec<u8>,
     pub u: Vec<u8>,
     pub v: Vec<u8>,
@@ -55,9 +56,9 @@ impl Colour {
 impl Yuv {
     /// Whether the lengths of the planes fit their sizes.
     pub(crate) fn is_valid(&self) -> bool {
-        let n = self.chroma.0 * self.chroma.1;
+        let n = self.chroma.width * self.chroma.height;
         let side = |full: usize, part: usize| part == full || part == full.div_ceil(2);
-        let coloured = side(self.width, self.chroma.0) && side(self.height, self.chroma.1);
+        let coloured = side(self.width, self.chroma.width) && side(self.height, self.chroma.height);
         self.y.len() == self.width * self.height
             && (self.u.len(), self.v.len()) == (n, n)
             && (coloured || self.is_grey())
@@ -65,8 +66,8 @@ impl Yuv {
     }
 
     /// Whether it has no chroma planes.
-    fn is_grey(&self) -> bool {
-        self.chroma == (0, 0)
+    pub(crate) fn is_grey(&self) -> bool {
+        self.chroma == Size::default()
     }
 
     /// Red, green and blue planes; one plane if grey. Panics if the picture is not valid.
@@ -88,15 +89,15 @@ impl Yuv {
         let (gu, gv) = (fixed(2.0 * (1.0 - kb) * kb / kg * chroma), fixed(2.0 * (1.0 - kr) * kr / kg * chroma));
         let (width, n) = (self.width, self.width * self.height);
         let (across, down) =
-            (if self.chroma.0 == width { 1 } else { 2 }, if self.chroma.1 == self.height { 1 } else { 2 });
+            (if self.chroma.width == width { 1 } else { 2 }, if self.chroma.height == self.height { 1 } else { 2 });
         let mut data = vec![0; 3 * n];
         let (red, rest) = data.split_at_mut(n);
         let (green, blue) = rest.split_at_mut(n);
         let rows = red.chunks_exact_mut(width).zip(green.chunks_exact_mut(width)).zip(blue.chunks_exact_mut(width));
         for (row, ((red, green), blue)) in rows.enumerate() {
             let y = &self.y[row * width..][..width];
-            let u = &self.u[row / down * self.chroma.0..][..self.chroma.0];
-            let v = &self.v[row / down * self.chroma.0..][..self.chroma.0];
+            let u = &self.u[row / down * self.chroma.width..][..self.chroma.width];
+            let v = &self.v[row / down * self.chroma.width..][..self.chroma.width];
             let cells = red.chunks_mut(across).zip(green.chunks_mut(across)).zip(blue.chunks_mut(across));
             for ((((red, green), blue), y), (&u, &v)) in cells.zip(y.chunks(across)).zip(u.iter().zip(v)) {
                 let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
@@ -130,7 +131,7 @@ impl Yuv {
         let mut out = Self {
             width,
             height,
-            chroma: (cw, ch),
+            chroma: Size::new(cw, ch),
             y: vec![0; width * height],
             u: vec![128; cw * ch],
             v: vec![128; cw * ch],
@@ -175,14 +176,14 @@ mod tests {
     fn black_white_and_the_primaries_follow_the_standard() {
         // BT.601, limited range: ITU-R BT.601-7, section 2.5.4; red is (81, 90, 240), BT.709's is (63, 102, 240).
         for (matrix, y, u, v) in [(6, 81, 90, 240), (1, 63, 102, 240)] {
-            let red = Yuv { width: 2, height: 2, chroma: (1, 1), y: vec![y; 4], u: vec![u], v: vec![v] };
+            let red = Yuv { width: 2, height: 2, chroma: Size::new(1, 1), y: vec![y; 4], u: vec![u], v: vec![v] };
             let image = red.to_rgb(Colour::new(Some(matrix), false, 2, 2));
             assert!(image.at(0, 1, 1) >= 253 && image.at(1, 1, 1) <= 2 && image.at(2, 1, 1) <= 2);
             let back = Yuv::from_image(&image, Colour::new(Some(matrix), false, 2, 2));
             assert!(back.y[0].abs_diff(y) <= 1 && back.u[0].abs_diff(u) <= 1 && back.v[0].abs_diff(v) <= 1);
         }
         for (full, y, value) in [(false, 16, 0), (false, 235, 255), (true, 0, 0), (true, 255, 255), (false, 255, 255)] {
-            let flat = Yuv { width: 2, height: 2, chroma: (1, 1), y: vec![y; 4], u: vec![128], v: vec![128] };
+            let flat = Yuv { width: 2, height: 2, chroma: Size::new(1, 1), y: vec![y; 4], u: vec![128], v: vec![128] };
             let image = flat.to_rgb(Colour::new(None, full, 2, 2));
             assert!(image.bytes().iter().all(|&byte| byte == value), "{y} is {value}, not {:?}", image.bytes());
         }
@@ -208,7 +209,7 @@ mod tests {
     fn odd_sides_are_padded_by_repetition() {
         let image = Image::new(3, 1, 1, vec![0, 100, 255]).expect("sizes agree");
         let yuv = Yuv::from_image(&image, Colour::new(None, false, 3, 1));
-        assert_eq!((yuv.width, yuv.height, yuv.chroma), (4, 2, (2, 1)));
+        assert_eq!((yuv.width, yuv.height, yuv.chroma), (4, 2, Size::new(2, 1)));
         assert_eq!(yuv.y, [16, 102, 235, 235, 16, 102, 235, 235]);
         assert!(yuv.is_valid() && yuv.u == [128, 128]);
     }
@@ -216,8 +217,8 @@ mod tests {
     #[test]
     fn full_size_chroma_and_odd_sides_convert() {
         let colour = Colour::new(None, true, 3, 3);
-        for chroma in [(3, 3), (2, 3), (2, 2)] {
-            let n = chroma.0 * chroma.1;
+        for chroma in [Size::new(3, 3), Size::new(2, 3), Size::new(2, 2)] {
+            let n = chroma.width * chroma.height;
             let yuv = Yuv { width: 3, height: 3, chroma, y: vec![50; 9], u: vec![128; n], v: vec![128; n] };
             assert!(yuv.to_rgb(colour).bytes().iter().all(|&byte| byte == 50));
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use foveate_base::files::{Nowhere, TEXT};
 use foveate_base::{Error, Result};
 use foveate_core::config::Config;
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::{Image, Pixels};
 use foveate_page::{Asked, FILES, Host, Made, Page, Reopen, Session, Setup, Source, offered, read};
 use foveate_video::Planes;
@@ -104,14 +104,14 @@ impl App {
     /// never arrived. Returns its number from 1; `None` if it does not fit.
     pub fn push(&mut self, session: u64, rgba: &[u8], time: f64, missed: u64) -> Option<usize> {
         let push = |session: &mut Session<Browser>| {
-            let size = (session.info.width, session.info.height);
-            session.push(Image::from_pixels(Pixels::Rgba, size, 4 * size.0, rgba)?, time, missed)
+            let size = session.info.size();
+            session.push(Image::from_pixels(Pixels::Rgba, size, 4 * size.width, rgba)?, time, missed)
         };
         self.page.with(session, push).ok()
     }
 
     /// Adds the planes of a frame (from 1) that the browser decoded, with its coded width and height. Returns whether they fit.
-    pub fn decoded(&mut self, session: u64, frame: usize, size: (usize, usize), planes: Planes, bytes: &[u8]) -> bool {
+    pub fn decoded(&mut self, session: u64, frame: usize, size: Size, planes: Planes, bytes: &[u8]) -> bool {
         let decoded = |session: &mut Session<Browser>| match (&session.source, frame.checked_sub(1)) {
             (Source::Video(video), Some(place)) => video.decoded(place, size, planes, bytes, &session.info),
             _ => Err(Error::Invalid("this video is not decoded by the browser".into())),

@@ -5,6 +5,7 @@
 use std::io::{Error, ErrorKind, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use foveate_core::geometry::Size;
 use foveate_video::Planes;
 
 use crate::{App, Store};
@@ -95,7 +96,7 @@ pub extern "C" fn push(session: f64, time: f64, missed: f64) -> i32 {
 pub extern "C" fn decoded(session: f64, frame: usize, width: usize, height: usize, nv12: i32) -> i32 {
     let (mut fits, planes) = (false, if nv12 == 0 { Planes::I420 } else { Planes::Nv12 });
     answer(|app, input| {
-        fits = app.decoded(session as u64, frame, (width, height), planes, input);
+        fits = app.decoded(session as u64, frame, Size { width, height }, planes, input);
         None
     });
     i32::from(fits)

@@ -3,7 +3,7 @@
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
 use foveate_core::config::{Blueprint, Config};
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::Image;
 use foveate_core::{Seen, Tracker};
 use foveate_lab::Digits;
@@ -136,7 +136,7 @@ impl Lesson {
     }
 
     pub(crate) fn about(&self) -> Value {
-        let (width, height) = self.video.size();
+        let Size { width, height } = self.video.size();
         json!({
             "width": width, "height": height, "frames": self.video.truth().len(), "cells": self.cells, "policy": self.policy,
             "config": self.config, "row": Row::of(&self.frame, &Seen::given(self.frame.image.shape(), &self.video.truth()[0])),

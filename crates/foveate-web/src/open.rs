@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use foveate_base::{Error, Result};
+use foveate_core::geometry::Size;
 use foveate_page::{Frames, Player};
 use foveate_video::{CodedVideo, Frame, Planes, SourceInfo};
 use serde_json::{Value, json};
@@ -93,7 +94,7 @@ impl Open {
     pub(crate) fn decoded(
         &self,
         place: usize,
-        size: (usize, usize),
+        size: Size,
         planes: Planes,
         bytes: &[u8],
         info: &SourceInfo,

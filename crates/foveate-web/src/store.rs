@@ -146,11 +146,10 @@ impl Iterator for Pictures {
         let (index, rate) = (self.next, self.info.rate);
         let file = self.files.get_mut(index)?;
         self.next += 1;
-        let (width, height) = (self.info.width, self.info.height);
+        let size = self.info.size();
         Some(load(file, index).and_then(|image| {
-            if (image.width(), image.height()) != (width, height) {
-                let (w, h) = (image.width(), image.height());
-                let problem = format!("expected {width} x {height} pixels as in the first picture, found {w} x {h}");
+            if image.size() != size {
+                let problem = format!("expected {size} pixels as in the first picture, found {}", image.size());
                 return Err(Problem::Frame { path: Path::new(&file.file.name).into(), frame: index + 1, problem });
             }
             let image = image.with_planes(self.planes);

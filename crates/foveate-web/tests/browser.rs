@@ -370,7 +370,7 @@ fn a_camera_takes_no_more_memory_the_longer_it_runs() {
             json!(base64::engine::general_purpose::STANDARD.encode(page::frame(t)))
         })
         .collect();
-    let (w, h) = page::SIZE;
+    let (w, h) = (page::SIZE.width, page::SIZE.height);
     let source = format!(
         "(() => {{ const all = {}.map(text => Uint8Array.from(atob(text), c => c.charCodeAt(0))); let at = 0; \
          cameraSource = async () => ({{ width: {w}, height: {h}, rate: 30, reader: 'a test', live: true, missed: 0, close() {{}}, \

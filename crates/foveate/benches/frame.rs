@@ -17,7 +17,7 @@ use rand_distr::StandardNormal;
 use foveate::config::Config;
 use foveate::control::{Autoregressive, Concentration, ConfidenceModel, ConsistencySettings, Prior};
 use foveate::files::Nowhere;
-use foveate::geometry::{BBox, Gaze};
+use foveate::geometry::{BBox, Gaze, Size};
 use foveate::identity::distance::Kind;
 use foveate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use foveate::identity::rbm_encoder::{Precision, RbmEncoder};
@@ -109,7 +109,7 @@ fn multi(tracker: &mut MultiTracker, targets: usize, frames: usize) -> Result<Fr
 
 /// A target of `side` px goes to and fro in the middle of a picture in colour, or is there in the first frames alone: then only
 /// frames count before which it was believed lost. Times of `frames` frames, each with the next one, milliseconds of CPU a frame.
-fn one(name: &str, (width, height): (usize, usize), side: usize, lost: bool, frames: usize) -> Result<FrameTime> {
+fn one(name: &str, Size { width, height }: Size, side: usize, lost: bool, frames: usize) -> Result<FrameTime> {
     const TURN: usize = 12;
     let mut tracker = Tracker::new(name)?;
     let mut rng = Streams::new(0, 0).at(2, Purpose::Scene).rng(0);
@@ -241,7 +241,7 @@ fn main() {
         ["natural", "natural-fast"].into_iter().flat_map(|name| sizes.clone().map(move |s| (name, s)))
     {
         for lost in [false, true] {
-            let time = pool.install(|| one(name, size, side, lost, frames)).expect("a box in the picture");
+            let time = pool.install(|| one(name, size.into(), side, lost, frames)).expect("a box in the picture");
             println!(
                 r#"{{"what": "{name}", "picture": "{} x {}", "target": {side}, "lost": {lost}, "ms": {:.4}, "best_ms": {:.4}}}"#,
                 size.0, size.1, time.median, time.best

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use foveate::BBox;
 use foveate::config::{Blueprint, Config};
 use foveate::files::Nowhere;
+use foveate::geometry::Size;
 use foveate::scene::Image;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
@@ -30,11 +31,12 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-const SIZE: (usize, usize) = (640, 480);
+const SIZE: Size = Size::new(640, 480);
 
 fn picture(t: usize) -> Image {
-    let pixel = |k: usize| ((k % SIZE.0 + 2 * t) * 37 % 251 + (k / SIZE.0) * 91 % 83) as u8;
-    Image::new(SIZE.0, SIZE.1, 3, (0..3 * SIZE.0 * SIZE.1).map(|k| pixel(k).wrapping_mul(3)).collect()).expect("whole")
+    let Size { width, height } = SIZE;
+    let pixel = |k: usize| ((k % width + 2 * t) * 37 % 251 + (k / width) * 91 % 83) as u8;
+    Image::new(width, height, 3, (0..3 * width * height).map(|k| pixel(k).wrapping_mul(3)).collect()).expect("whole")
 }
 
 /// Where the i-th target is: all over the picture, or each over each.

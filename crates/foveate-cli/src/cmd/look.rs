@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
+use foveate::geometry::Size;
 use foveate::report::draw::{Colour, Drawing};
 use foveate::scene::{Detector, Flow, Map, Motion, Saliency};
 use foveate::text::counted;
@@ -88,10 +89,10 @@ pub(crate) fn run(args: Args) -> Result<()> {
     if matches!(args.map, Kind::Saliency) {
         detector.detect(&frame.image, &mut found);
     }
-    let (width, height) = (frame.image.width(), frame.image.height());
+    let size @ Size { width, height } = frame.image.size();
     let mut page = Drawing::new(2 * width, height, [0; 3]);
     page.paste(&frame.image, 0, 0, width, height);
-    heat(&mut page, detector.map(), width as f64, (width, height));
+    heat(&mut page, detector.map(), width as f64, size);
     say!(
         "frame {}: {}, the largest value of the map is {:.3}",
         frame.index + 1,
@@ -113,7 +114,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
 }
 
 /// Draws a map with a scale from black through violet and orange to pale yellow for the largest value.
-fn heat(page: &mut Drawing, map: &Map, left: f64, (width, height): (usize, usize)) {
+fn heat(page: &mut Drawing, map: &Map, left: f64, Size { width, height }: Size) {
     const RAMP: [Colour; 5] = [[0, 0, 4], [87, 16, 110], [188, 55, 84], [249, 142, 9], [252, 255, 164]];
     let scale = (RAMP.len() - 1) as f32 / map.max().max(f32::MIN_POSITIVE);
     page.shade(left, 0.0, width as f64, height as f64, |x, y| {

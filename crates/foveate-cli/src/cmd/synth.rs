@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
-use foveate::geometry::BBox;
+use foveate::geometry::{BBox, Size};
 use foveate::lab::eval::find_sequences;
 use foveate::lab::hide::{Hide, Way};
 use foveate::lab::synthetic::{Clutter, Corruption, Drawn, Ink, Multi, NOISE, Occlusion, Synthetic};
@@ -225,13 +225,13 @@ fn many(args: &MultiArgs) -> Result<()> {
     let (digits, from) = digits(args.data.as_deref(), args.seed)?;
     let video = settings.video(&digits)?;
     if let Some(path) = &args.video {
-        let (width, height) = video.size();
+        let Size { width, height } = video.size();
         let mut film = Mp4Writer::create(path, width, height, 30.0)?;
         (0..video.frames()).try_for_each(|t| film.push(&video.render(t), t as f64 / 30.0))?;
         film.finish()?;
     }
     let name = args.out.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let (width, height) = video.size();
+    let Size { width, height } = video.size();
     let scene = toml::to_string(&settings).map_err(|e| Error::Invalid(e.to_string()))?;
     let mut notes = vec![
         ("gt/gt.txt".to_string(), video.gt_txt()),

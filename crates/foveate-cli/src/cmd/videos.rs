@@ -1,6 +1,6 @@
 //! Videos with ground truth and random access to frames: sequences in memory, and drawn scenes.
 
-use foveate::geometry::BBox;
+use foveate::geometry::{BBox, Size};
 use foveate::lab::Digits;
 use foveate::lab::eval::Sequence;
 use foveate::lab::eval::catalogue::{Origin, origin};
@@ -19,7 +19,7 @@ pub struct Video<'a> {
     /// The box in each frame, 0-based; `None` if the target is absent.
     pub truth: Vec<Option<BBox>>,
     /// Width and height in pixels.
-    pub size: (usize, usize),
+    pub size: Size,
     /// Returns frame t.
     pub picture: Box<dyn Fn(usize) -> Result<Image> + 'a>,
 }
@@ -47,7 +47,7 @@ impl Video<'_> {
 /// Decodes a sequence into memory.
 pub fn of_sequence(sequence: &Sequence) -> Result<Video<'static>> {
     let mut source = open(&sequence.images)?;
-    let size = (source.info().width, source.info().height);
+    let size = source.info().size();
     let frames = source.by_ref().take(sequence.truth.len());
     let images = frames.map(|frame| Ok(frame?.image)).collect::<Result<Vec<Image>>>()?;
     if images.len() < sequence.truth.len() {

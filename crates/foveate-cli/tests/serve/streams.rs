@@ -15,7 +15,7 @@ fn sender() -> String {
         for mut stream in listener.incoming().flatten() {
             std::thread::spawn(move || {
                 let _ = stream.read(&mut [0; 4096]);
-                let (w, h) = served::SIZE;
+                let (w, h) = (served::SIZE.width, served::SIZE.height);
                 let head = format!(
                     "HTTP/1.0 200 OK\r\nContent-Type: video/x-yuv4mpeg\r\n\r\nYUV4MPEG2 W{w} H{h} F50:1 Ip A1:1 Cmono\n"
                 );

@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use foveate::BBox;
+use foveate::geometry::Size;
 
 pub(crate) struct Server {
     pub child: Child,
@@ -90,7 +91,7 @@ pub(crate) fn parts(answer: &[u8]) -> (u16, Vec<u8>) {
     (status, body)
 }
 
-pub(crate) const SIZE: (usize, usize) = (320, 240);
+pub(crate) const SIZE: Size = Size::new(320, 240);
 pub(crate) const FRAMES: usize = 36;
 
 /// Where the target is in frame `t` (from 0): left, top, width, height.
@@ -100,7 +101,7 @@ pub(crate) fn truth(t: usize) -> [f64; 4] {
 
 /// Frame `t`: a textured square over noise, in grey.
 pub(crate) fn picture(t: usize) -> Vec<u8> {
-    let (w, h) = SIZE;
+    let Size { width: w, height: h } = SIZE;
     let mut x = 1u32;
     let mut picture: Vec<u8> = (0..w * h)
         .map(|_| {
@@ -119,7 +120,7 @@ pub(crate) fn picture(t: usize) -> Vec<u8> {
 /// Pictures of a textured square that moves over noise, and its true boxes.
 pub(crate) fn clip(folder: &Path) {
     std::fs::create_dir_all(folder).expect("a writable folder");
-    let (w, h) = SIZE;
+    let Size { width: w, height: h } = SIZE;
     let mut boxes = String::new();
     for t in 0..FRAMES {
         let [left, top, side, _] = truth(t);
@@ -145,7 +146,7 @@ pub(crate) fn nearest(jpeg: &[u8]) -> usize {
 
 /// The clip as a file by HTTP, with its length; its address.
 pub(crate) fn by_http() -> String {
-    let (w, h) = SIZE;
+    let Size { width: w, height: h } = SIZE;
     let mut file = format!("YUV4MPEG2 W{w} H{h} F50:1 Ip A1:1 Cmono\n").into_bytes();
     (0..FRAMES).for_each(|t| file.extend([b"FRAME\n".as_slice(), &picture(t)].concat()));
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");

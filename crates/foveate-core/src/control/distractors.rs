@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::{Extent, State};
+use crate::geometry::{Extent, Size, State};
 use foveate_base::Result;
 use foveate_base::error::within;
 
@@ -62,14 +62,14 @@ impl DistractorSearch {
     }
     /// A lattice of places about the estimate, the estimate one of them, of its size, shape and angle, those inside a picture of
     /// this size; row by row.
-    pub fn places(&mut self, size: (usize, usize), estimate: &State, extent: Extent) -> &[State] {
+    pub fn places(&mut self, size: Size, estimate: &State, extent: Extent) -> &[State] {
         let (scale, extent) = (estimate.log_scale.exp(), estimate.shaped(extent));
         let (dx, dy) = (self.settings.step * extent.half_w * scale, self.settings.step * extent.half_h * scale);
         let count = self.settings.steps();
         let inside = |v: f64, side: usize| (0.0..side as f64).contains(&v);
         self.places.clear();
-        for y in (-count..=count).map(|i| estimate.y + f64::from(i) * dy).filter(|y| inside(*y, size.1)) {
-            let row = (-count..=count).map(|i| estimate.x + f64::from(i) * dx).filter(|x| inside(*x, size.0));
+        for y in (-count..=count).map(|i| estimate.y + f64::from(i) * dy).filter(|y| inside(*y, size.height)) {
+            let row = (-count..=count).map(|i| estimate.x + f64::from(i) * dx).filter(|x| inside(*x, size.width));
             self.places.extend(row.map(|x| State { x, y, ..*estimate }));
         }
         &self.places
@@ -154,7 +154,7 @@ mod tests {
     fn places_lie_around_the_target_and_in_the_picture() {
         let mut around = DistractorSearch::new(DistractorSettings { reach: 2.0, step: 0.5, ..Default::default() });
         let at = State { x: 30.0, y: 50.0, log_scale: 0.5f64.ln(), angle: 0.3, ..State::default() };
-        let places = around.places((100, 60), &at, EXTENT).to_vec();
+        let places = around.places(Size::new(100, 60), &at, EXTENT).to_vec();
         assert!(places.contains(&at));
         assert!(places.iter().all(|p| (p.x - at.x).abs() <= 10.0 && (p.y - at.y).abs() <= 20.0 && p.angle == 0.3));
         // Nine columns, and of nine rows 5 px apart from 30 to 70 those above 60.
@@ -166,7 +166,7 @@ mod tests {
         let near = |p: &State| states.iter().any(|s| (s.x - p.x).abs() <= 5.0 && (s.y - p.y).abs() <= 10.0);
         assert!(places.iter().all(near), "within a box of one of them");
         let outside = State { x: -50.0, ..at };
-        assert!(around.places((100, 60), &outside, EXTENT).is_empty(), "nothing there to be mistaken for");
+        assert!(around.places(Size::new(100, 60), &outside, EXTENT).is_empty(), "nothing there to be mistaken for");
         assert!(
             DistractorSettings { step: 0.0, ..DistractorSettings::default() }
                 .check()

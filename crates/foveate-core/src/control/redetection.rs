@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 use super::candidates::{Candidates, Draw};
-use crate::geometry::{Extent, State};
+use crate::geometry::{Extent, Size, State};
 use crate::saved_state::{Valid, Validate, ensure};
 
 mod settings;
@@ -59,8 +59,8 @@ impl Redetection {
     }
     /// Places all over a part of a picture, or all of it, of the scale and angle with which the target was `seen` last, at
     /// rest, row by row.
-    pub fn places(&mut self, size: (usize, usize), seen: &State, extent: Extent) -> &[State] {
-        let (width, height) = (size.0 as f64, size.1 as f64);
+    pub fn places(&mut self, size: Size, seen: &State, extent: Extent) -> &[State] {
+        let (width, height) = (size.width as f64, size.height as f64);
         let half = seen.half(extent);
         self.candidates.half = half;
         self.candidates.area = width * height / (half.0 * half.1);
@@ -162,14 +162,17 @@ mod tests {
         let mut search = Redetection::new(RedetectionSettings::default());
         let estimate = State { log_scale: 0.5, angle: 0.2, vx: 3.0, ..State::default() };
         let step = 0.5 * 10.0 * 0.5f64.exp();
-        let places = search.places((100, 60), &estimate, EXTENT).to_vec();
+        let places = search.places(Size::new(100, 60), &estimate, EXTENT).to_vec();
         for (x, y) in [(0.0, 0.0), (99.0, 0.0), (0.0, 59.0), (99.0, 59.0), (50.0, 30.0)] {
             let near = |p: &State| (p.x - x).abs() <= step && (p.y - y).abs() <= step;
             assert!(places.iter().any(near), "no place near ({x}, {y})");
         }
         assert!(places.iter().all(|p| (p.log_scale, p.angle, p.vx) == (0.5, 0.2, 0.0)));
         let tiny = State { log_scale: -8.0, ..State::default() };
-        assert!(search.places((4000, 3000), &tiny, EXTENT).len() <= 16_500, "a small target does not make it endless");
+        assert!(
+            search.places(Size::new(4000, 3000), &tiny, EXTENT).len() <= 16_500,
+            "a small target does not make it endless"
+        );
     }
 
     /// For pictures and targets of many sizes: the parts of so many searches are, together, the places of the whole picture,
@@ -177,9 +180,11 @@ mod tests {
     #[test]
     fn parts_are_the_whole_picture() {
         let key = |p: &State| (p.x.to_bits(), p.y.to_bits());
-        for (size, half, budget) in [((320, 240), 12.0, 1000), ((1280, 720), 24.0, 2000), ((64, 2000), 9.0, 64)] {
+        for (size, half, budget) in
+            [(Size::new(320, 240), 12.0, 1000), (Size::new(1280, 720), 24.0, 2000), (Size::new(64, 2000), 9.0, 64)]
+        {
             let extent = Extent { half_w: half, half_h: 1.5 * half };
-            let seen = State { x: 0.7 * size.0 as f64, y: 0.4 * size.1 as f64, ..State::default() };
+            let seen = State { x: 0.7 * size.width as f64, y: 0.4 * size.height as f64, ..State::default() };
             let whole = Redetection::new(RedetectionSettings::default()).places(size, &seen, extent).to_vec();
             let mut search = Redetection::new(RedetectionSettings { budget, ..RedetectionSettings::default() });
             let (mut all, mut most, mut searches) = (vec![], 0, 0);
@@ -208,7 +213,7 @@ mod tests {
         let seen = State { x: 20.0, y: 20.0, ..State::default() };
         let (mut states, mut log_prior, mut which) = (vec![seen; 10], vec![0.0; 10], vec![]);
         assert!(search.is_due(true, 4));
-        let places = search.places((200, 100), &seen, EXTENT);
+        let places = search.places(Size::new(200, 100), &seen, EXTENT);
         let best = places[5];
         let scores: Vec<f64> = places.iter().map(|p| if *p == best { -1.0 } else { -20.0 }).collect();
         assert!(search.recall(&scores).is_empty(), "nothing was found before");
@@ -223,12 +228,12 @@ mod tests {
         let mut resumed = Redetection::new(search.settings().clone());
         resumed.resume(search.state());
         for search in [&mut search, &mut resumed] {
-            let n = search.places((200, 100), &seen, EXTENT).len();
+            let n = search.places(Size::new(200, 100), &seen, EXTENT).len();
             assert!(!search.candidates.states.contains(&best), "another part");
             assert!(search.recall(&vec![-20.0; n]).contains(&best));
         }
         assert!(!search.is_due(false, 8), "what was found is forgotten");
-        let n = search.places((200, 100), &seen, EXTENT).len();
+        let n = search.places(Size::new(200, 100), &seen, EXTENT).len();
         assert!(search.recall(&vec![-20.0; n]).is_empty());
         let found = vec![seen; search.settings().places + 1];
         assert!(SearchState { searches: 1, found }.validate(search.settings()).is_err(), "more places than it keeps");
@@ -237,7 +242,7 @@ mod tests {
     #[test]
     fn a_share_is_drawn_again_where_it_fits() {
         let mut search = Redetection::new(RedetectionSettings { places: 2, ..RedetectionSettings::default() });
-        let n = search.places((100, 60), &State::default(), EXTENT).len();
+        let n = search.places(Size::new(100, 60), &State::default(), EXTENT).len();
         let at = search.candidates.states[7];
         let fresh = search.clone();
         let streams = Streams::new(1, 0).at(8, Purpose::Redetection);
@@ -270,7 +275,7 @@ mod tests {
             chance: 0.5,
             ..RedetectionSettings::default()
         });
-        let n = search.places((200, 100), &State::default(), EXTENT).len();
+        let n = search.places(Size::new(200, 100), &State::default(), EXTENT).len();
         let at = search.candidates.states[150];
         let mut log_likelihood = vec![-50.0; n];
         (log_likelihood[150], log_likelihood[160]) = (-2.0, -4.0);

@@ -3,7 +3,7 @@
 use super::target::Target;
 use super::visibility::Visibility;
 use crate::control::DistractorSearch;
-use crate::geometry::{Gaze, State};
+use crate::geometry::{Gaze, Size, State};
 use crate::identity::{Appearance, Percept};
 use crate::scene::Scene;
 
@@ -52,8 +52,8 @@ impl<'a> View<'a> {
     }
 
     /// Returns width and height of the picture, pixels.
-    pub(super) fn size(&self) -> (usize, usize) {
-        (self.scene.image.width(), self.scene.image.height())
+    pub(super) fn size(&self) -> Size {
+        self.scene.image.size()
     }
 
     /// Computes log p(h | x, a) of these states under all gazes, with these weights, in the buffer `looks`. It also prepares the part of

@@ -21,7 +21,7 @@ use super::pyramid::Pyramid;
 use super::retina::Retina;
 use super::views::Looks;
 use super::{Appearance, Buffers, Lesson, Memory, Percept, ReferenceLikelihood, TemplateSource};
-use crate::geometry::{Extent, Fixation, Gaze, State};
+use crate::geometry::{Extent, Fixation, Gaze, Size, State};
 use crate::saved_state::SavedState;
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
@@ -78,7 +78,7 @@ struct Template {
     #[serde(with = "numbers::picture")]
     image: Image,
     origin: (usize, usize),
-    size: (usize, usize),
+    size: Size,
     state: State,
     extent: Extent,
     sharpness: f64,
@@ -259,7 +259,7 @@ impl Appearance for GazeAppearance {
             self.encoder = training.reset(streams);
         }
         self.recenter(Gaze::CENTRE);
-        let (origin, size) = ((0, 0), (image.width(), image.height()));
+        let (origin, size) = ((0, 0), image.size());
         self.keep(Template { image: image.clone(), origin, size, state: *state, extent, sharpness: 1.0 });
         if let Some(colour) = &mut self.colour {
             colour.init(image, state, extent);

@@ -15,7 +15,7 @@
 use foveate_kernels as kernels;
 
 use super::footprint::Footprint;
-use crate::geometry::{Extent, Fixation, Gaze, State};
+use crate::geometry::{Extent, Fixation, Gaze, Size, State};
 use crate::scene::Image;
 use foveate_base::memory::grow;
 
@@ -65,7 +65,7 @@ pub struct Region {
 impl Region {
     /// The pixels that glimpses at these states and gazes can touch, cut to the image.
     pub fn covering(image: &Image, states: &[State], gazes: &[Gaze], extent: Extent, reach: f64) -> Self {
-        let size = (image.width(), image.height());
+        let size = image.size();
         let window = |state: &State| Self::around(size, state, Self::reach(state, gazes, state.half(extent), reach));
         states.iter().map(window).reduce(|a, b| a.union(&b)).unwrap_or_default()
     }
@@ -79,7 +79,7 @@ impl Region {
     }
 
     /// The pixels so far from a state, cut to an image of this size.
-    pub(super) fn around(size: (usize, usize), s: &State, (dx, dy): (f64, f64)) -> Self {
+    pub(super) fn around(size: Size, s: &State, (dx, dy): (f64, f64)) -> Self {
         let cut = |(low, high): (f64, f64), n: usize| {
             let last = (n - 1) as f64;
             // Down to a whole number, and up to one.
@@ -87,7 +87,7 @@ impl Region {
             let (first, end) = (low as usize, high as usize);
             (first, end + usize::from(high > end as f64) - first + 1)
         };
-        let ((x, width), (y, height)) = (cut((s.x - dx, s.x + dx), size.0), cut((s.y - dy, s.y + dy), size.1));
+        let ((x, width), (y, height)) = (cut((s.x - dx, s.x + dx), size.width), cut((s.y - dy, s.y + dy), size.height));
         Self { x, y, width, height }
     }
 
@@ -99,21 +99,21 @@ impl Region {
         Self { x, y, width: right - x, height: bottom - y }
     }
 
-    pub(super) fn padded(&self, (dx, dy): (usize, usize), size: (usize, usize)) -> Self {
+    pub(super) fn padded(&self, (dx, dy): (usize, usize), size: Size) -> Self {
         let (x, y) = (self.x.saturating_sub(dx), self.y.saturating_sub(dy));
         let (right, bottom) = (
-            (self.x + self.width).saturating_add(dx).min(size.0),
-            (self.y + self.height).saturating_add(dy).min(size.1),
+            (self.x + self.width).saturating_add(dx).min(size.width),
+            (self.y + self.height).saturating_add(dy).min(size.height),
         );
         Self { x, y, width: right - x, height: bottom - y }
     }
 
     /// The squares of `step` pixels that it touches, in a picture of this size.
-    fn coarse(&self, step: usize, size: (usize, usize)) -> Self {
+    fn coarse(&self, step: usize, size: Size) -> Self {
         let (x, y) = (self.x / step, self.y / step);
         let end =
             |from: usize, count: usize, side: usize| (from + count).div_ceil(step).max(1).min(side.div_ceil(step));
-        Self { x, y, width: end(self.x, self.width, size.0) - x, height: end(self.y, self.height, size.1) - y }
+        Self { x, y, width: end(self.x, self.width, size.width) - x, height: end(self.y, self.height, size.height) - y }
     }
 
     pub(super) fn contains(&self, other: &Self) -> bool {
@@ -132,7 +132,7 @@ const FINE: f64 = 2.5;
 #[derive(Clone, Copy)]
 struct Picture<'a> {
     planes: [&'a [u8]; 3],
-    size: (usize, usize),
+    size: Size,
     origin: (usize, usize),
     /// Pixels of the image along one of its own.
     step: usize,
@@ -142,7 +142,7 @@ struct Picture<'a> {
 impl<'a> Picture<'a> {
     fn of(image: &'a Image) -> Self {
         let planes = std::array::from_fn(|p| image.plane(p.min(image.planes() - 1)));
-        let size = (image.width(), image.height());
+        let size = image.size();
         Self { planes, size, origin: (0, 0), step: 1, grey: image.planes() == 1 }
     }
 
@@ -160,12 +160,12 @@ impl<'a> Picture<'a> {
         grow(sums, wide);
         for (plane, out) in self.planes.iter().zip(&mut *room).take(if self.grey { 1 } else { 3 }) {
             grow(out, count);
-            kernels::shrink(plane, self.size.0, (times, most), from, &mut sums[..wide], &mut out[..count]);
+            kernels::shrink(plane, self.size.width, (times, most), from, &mut sums[..wide], &mut out[..count]);
         }
         let planes = std::array::from_fn(|p| &room[if self.grey { 0 } else { p }][..count]);
         Picture {
             planes,
-            size: (part.width, part.height),
+            size: Size::new(part.width, part.height),
             origin: (part.x, part.y),
             step: self.step * times,
             grey: self.grey,
@@ -174,13 +174,13 @@ impl<'a> Picture<'a> {
 
     /// A region of the image in pixels of this picture, with one more on each side if it is coarser, because taps
     /// interpolate.
-    fn region(&self, region: Region, image: (usize, usize)) -> Region {
+    fn region(&self, region: Region, image: Size) -> Region {
         if self.step == 1 {
             return region;
         }
         let it = region.padded((self.step, self.step), image).coarse(self.step, image);
         let (x, y) = (it.x.max(self.origin.0) - self.origin.0, it.y.max(self.origin.1) - self.origin.1);
-        Region { x, y, width: it.width.min(self.size.0 - x), height: it.height.min(self.size.1 - y) }
+        Region { x, y, width: it.width.min(self.size.width - x), height: it.height.min(self.size.height - y) }
     }
 }
 
@@ -211,7 +211,7 @@ impl Pyramid {
             level.step = finest << (times.clamp(1.0, 16.0) as usize).ilog2();
             coarsest = coarsest.max(level.step);
         }
-        let size = (image.width(), image.height());
+        let size = image.size();
         let reached = region.padded(margin(footprints.iter(), unit, coarsest), size);
         self.source = Some(reached);
         let [mut room, mut coarser_room] = std::mem::take(&mut self.coarse);
@@ -262,7 +262,7 @@ impl Pyramid {
             let plain = channel == 0 && picture.grey;
             // The channel is made where boxes can reach, not everywhere.
             let margin = margin(footprints.iter().filter(|f| f.channel == channel), unit, 1);
-            let (width, height) = picture.size;
+            let Size { width, height } = picture.size;
             let source = if plain { Region { x: 0, y: 0, width, height } } else { region.padded(margin, picture.size) };
             if !plain {
                 grow(&mut self.channel, source.width * source.height);
@@ -344,7 +344,7 @@ fn make_channel(picture: Picture<'_>, channel: usize, region: Region, out: &mut 
         return out[..region.width * region.height].fill(128);
     }
     for (row, out) in out.chunks_exact_mut(region.width).take(region.height).enumerate() {
-        let start = (region.y + row) * picture.size.0 + region.x;
+        let start = (region.y + row) * picture.size.width + region.x;
         let planes = picture.planes.map(|plane| &plane[start..start + region.width]);
         match channel {
             0 => kernels::luma(planes, out),

@@ -5,7 +5,7 @@ use super::colour::{Colour, RING, step};
 use super::footprint::Footprint;
 use super::integral::Integral;
 use super::pyramid::{Pyramid, Region};
-use crate::geometry::{Extent, Gaze, State};
+use crate::geometry::{Extent, Gaze, Size, State};
 use crate::scene::{Image, Meter};
 
 /// One rectangle of the frame.
@@ -21,7 +21,7 @@ pub(super) struct View {
 pub(super) struct Views {
     views: Vec<View>,
     used: usize,
-    size: (usize, usize),
+    size: Size,
     regions: Vec<Region>,
     /// Values read since the last call.
     read: Meter,
@@ -66,7 +66,7 @@ struct Wanted {
 
 impl Looks<'_> {
     /// The parts of a frame that these states need, and their rectangles.
-    fn survey(&self, size: (usize, usize), states: &[State], gazes: &[Gaze], found: &mut Vec<Region>) -> Wanted {
+    fn survey(&self, size: Size, states: &[State], gazes: &[Gaze], found: &mut Vec<Region>) -> Wanted {
         let (mut sum, mut least, mut margin) = ([0.0; 2], f64::MAX, (0.0_f64, 0.0_f64));
         let windows = states.iter().map(|s| {
             let (w, h) = s.half(self.extent);
@@ -82,11 +82,11 @@ impl Looks<'_> {
     }
 
     /// What the colour model needs at a state, cut to the picture.
-    fn ring(&self, size: (usize, usize), s: &State) -> [f64; 4] {
+    fn ring(&self, Size { width, height }: Size, s: &State) -> [f64; 4] {
         let (w, h) = s.half(self.extent);
         let (w, h) = (RING * w, RING * h);
         let cut = |v: f64, side: usize| v.clamp(0.0, side as f64 - 1.0);
-        [cut(s.x - w, size.0), cut(s.y - h, size.1), cut(s.x + w, size.0), cut(s.y + h, size.1)]
+        [cut(s.x - w, width), cut(s.y - h, height), cut(s.x + w, width), cut(s.y + h, height)]
     }
 }
 
@@ -95,17 +95,17 @@ impl Region {
         self.width * self.height
     }
     /// Left, top, right and bottom, so much farther out, cut to a picture of this size.
-    fn grown(&self, (dx, dy): (f64, f64), size: (usize, usize)) -> [f64; 4] {
+    fn grown(&self, (dx, dy): (f64, f64), size: Size) -> [f64; 4] {
         let (x, y) = (self.x as f64, self.y as f64);
         let (right, bottom) = (x + (self.width - 1) as f64 + dx, y + (self.height - 1) as f64 + dy);
-        [(x - dx).max(0.0), (y - dy).max(0.0), right.min(size.0 as f64 - 1.0), bottom.min(size.1 as f64 - 1.0)]
+        [(x - dx).max(0.0), (y - dy).max(0.0), right.min(size.width as f64 - 1.0), bottom.min(size.height as f64 - 1.0)]
     }
 }
 
 /// Fills `found` with rectangles around the windows of states: one, or several if they save half of it.
-fn cluster(windows: impl Iterator<Item = Region>, size: (usize, usize), found: &mut Vec<Region>) {
+fn cluster(windows: impl Iterator<Item = Region>, size: Size, found: &mut Vec<Region>) {
     found.clear();
-    if size.0 * size.1 < LARGE {
+    if size.width * size.height < LARGE {
         return found.extend(windows.reduce(|all, window| all.union(&window)));
     }
     let mut all: Option<Region> = None;
@@ -205,7 +205,7 @@ impl Views {
     }
 
     fn survey(&mut self, image: &Image, states: &[State], gazes: &[Gaze], looks: Looks<'_>) -> Wanted {
-        self.size = (image.width(), image.height());
+        self.size = image.size();
         looks.survey(self.size, states, gazes, &mut self.regions)
     }
 

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::target::Target;
 use super::{MOST_ID, MOST_REMEMBERED, MultiTracker, SAME, Work};
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Size};
 use crate::scene::{Detection, Image};
 use crate::seen::Phase;
 use foveate_base::{Error, Result, memory};
@@ -15,10 +15,10 @@ impl MultiTracker {
     ///
     /// # Errors
     /// [`foveate_base::Error::Memory`], with the number of targets and the bytes.
-    pub fn check_room(&self, more: usize, bbox: &BBox, size: (usize, usize)) -> Result<()> {
+    pub fn check_room(&self, more: usize, bbox: &BBox, size: Size) -> Result<()> {
         let n = self.active.len() + self.terminated.len() + more;
         let bytes = self.room.with(n.saturating_sub(1), bbox, size);
-        memory::check(format_args!("{n} targets"), bytes.saturating_add(memory::of_picture(size.0, size.1)))
+        memory::check(format_args!("{n} targets"), bytes.saturating_add(memory::of_picture(size.width, size.height)))
     }
 
     /// Returns a flag that another thread may set to stop the tracker. An update in progress then ends with
@@ -136,7 +136,7 @@ impl MultiTracker {
         if id >= MOST_ID {
             return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
         }
-        self.check_room(1, &bbox, (image.width(), image.height()))?;
+        self.check_room(1, &bbox, image.size())?;
         let mut target = Target::new((self.make)(id), Target::unknown(id));
         target.with_buffers(&self.pool, |target| target.ensemble.init(image, bbox))?;
         target.begin(self.frame, bbox, Phase::Initiated);

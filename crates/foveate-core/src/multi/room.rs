@@ -1,6 +1,6 @@
 //! The memory estimate of targets.
 
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Size};
 
 /// Approximate bytes per target.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,9 +15,9 @@ pub(crate) struct MemoryEstimate {
 
 impl MemoryEstimate {
     /// Returns the bytes of `n` targets and another one in this box, with the buffers of all threads, in pictures of three planes.
-    pub(crate) fn with(&self, n: usize, bbox: &BBox, size: (usize, usize)) -> u64 {
+    pub(crate) fn with(&self, n: usize, bbox: &BBox, size: Size) -> u64 {
         let area = 3.0 * bbox.w * bbox.h * (self.reach * self.reach);
-        let template = (area as u64).min(3u64.saturating_mul(size.0 as u64).saturating_mul(size.1 as u64));
+        let template = (area as u64).min(3u64.saturating_mul(size.width as u64).saturating_mul(size.height as u64));
         let threads = crate::threads::several() as u64;
         (self.kept.saturating_add(template).saturating_mul(n as u64 + 1)).saturating_add(threads * self.look)
     }

@@ -8,7 +8,7 @@ use super::ranks::Ranks;
 use super::target::{SHAPE, Target};
 use super::{MOST_ID, MultiTracker};
 use crate::control::Consistency;
-use crate::geometry::{BBox, Covariance, Extent, Gaze, State};
+use crate::geometry::{BBox, Covariance, Extent, Gaze, Size, State};
 use crate::origin::Origin;
 use crate::saved_state::{FORMAT, SavedState, Valid, Validate, ensure, refused};
 use crate::seen::{Phase, Seen};
@@ -43,7 +43,7 @@ state!(Own of MultiTracker {
     tentative: TentativeTracks,
     ranks: Ranks,
     next: usize,
-    size: Option<(usize, usize)>,
+    size: Option<Size>,
 });
 
 state!(Track of Seen<'static> {
@@ -121,7 +121,7 @@ impl MultiTracker {
         (self.active, self.terminated) = (read(active)?, read(terminated)?);
         own.put(self);
         (self.frame, self.resumed) = (self.next, true);
-        (self.preprocessor, self.full, self.shape) = ((self.fresh)(), false, [size.0, size.1, 1]);
+        (self.preprocessor, self.full, self.shape) = ((self.fresh)(), false, [size.width, size.height, 1]);
         self.publish();
         Ok(())
     }

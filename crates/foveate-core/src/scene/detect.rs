@@ -3,7 +3,7 @@
 //! [`Motion`](super::Motion), [`Saliency`](super::Saliency) and [`Flow`](super::Flow) fill a [`Map`], and [`Blobs`]
 //! draws boxes around regions above a threshold.
 
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Size};
 use crate::scene::{Image, Map};
 use foveate_base::{Error, Result};
 
@@ -91,21 +91,21 @@ impl Blobs {
         Self { min_area, score, seen: vec![], stack: vec![] }
     }
     /// Fills `found` with a box for each part of `map` that is above `threshold`, best first. Cells that touch at a side or a
-    /// corner are one part. Boxes are cut to a picture of `width × height` pixels; a threshold below 0 is taken as 0.
-    pub fn find(&mut self, map: &Map, threshold: f32, (width, height): (usize, usize), found: &mut Vec<Detection>) {
+    /// corner are one part. Boxes are cut to a picture of this size; a threshold below 0 is taken as 0.
+    pub fn find(&mut self, map: &Map, threshold: f32, picture: Size, found: &mut Vec<Detection>) {
         found.clear();
         let threshold = threshold.max(0.0);
         self.seen.clear();
         self.seen.extend(map.values().iter().map(|v| *v <= threshold || !v.is_finite()));
         for start in 0..self.seen.len() {
             if !self.seen[start] {
-                found.extend(self.part(map, start, (width, height)));
+                found.extend(self.part(map, start, picture));
             }
         }
         found.sort_by(|a, b| b.score.total_cmp(&a.score)); // stable: among equals the upper one comes first
     }
     /// The part that holds cell `start`, if it is large enough.
-    fn part(&mut self, map: &Map, start: usize, (width, height): (usize, usize)) -> Option<Detection> {
+    fn part(&mut self, map: &Map, start: usize, picture: Size) -> Option<Detection> {
         let (w, h, cell) = (map.width(), map.height(), map.cell());
         let (mut left, mut right, mut top, mut bottom) = (w, 0, h, 0);
         let (mut cells, mut sum, mut peak) = (0, 0.0_f64, 0.0_f64);
@@ -125,7 +125,7 @@ impl Blobs {
             }
         }
         let (x, y) = (left * cell, top * cell);
-        let (x1, y1) = (((right + 1) * cell).min(width), ((bottom + 1) * cell).min(height));
+        let (x1, y1) = (((right + 1) * cell).min(picture.width), ((bottom + 1) * cell).min(picture.height));
         if cells * cell * cell < self.min_area || x1 <= x || y1 <= y {
             return None;
         }
@@ -151,7 +151,7 @@ mod tests {
         }
         let mut found = vec![Detection::new(BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 }, 1.0)];
         let mut blobs = Blobs::new(8, Score::Peak);
-        blobs.find(&map, 0.5, (19, 10), &mut found);
+        blobs.find(&map, 0.5, Size::new(19, 10), &mut found);
         let boxes = |found: &[Detection]| {
             found.iter().map(|d| (d.bbox.x, d.bbox.y, d.bbox.w, d.bbox.h, d.score)).collect::<Vec<_>>()
         };
@@ -161,10 +161,10 @@ mod tests {
             "corners join, one cell is too small"
         );
         blobs.score = Score::Mass;
-        blobs.find(&map, 0.5, (19, 10), &mut found);
+        blobs.find(&map, 0.5, Size::new(19, 10), &mut found);
         assert_eq!(boxes(&found)[0].4, 32.0);
         blobs.min_area = 0;
-        blobs.find(&map, 0.5, (19, 10), &mut found);
+        blobs.find(&map, 0.5, Size::new(19, 10), &mut found);
         assert_eq!(boxes(&found)[0], (10.0, 8.0, 2.0, 2.0, 36.0));
     }
 }

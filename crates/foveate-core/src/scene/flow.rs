@@ -9,7 +9,7 @@
 
 use foveate_kernels::PATCH;
 
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Size};
 use crate::scene::camera::Affine;
 use crate::scene::detect::{Blobs, Detector, Score};
 use crate::scene::{Detection, Image, Map};
@@ -45,7 +45,7 @@ pub struct Flow {
     across: Vec<f32>,
     sums: Vec<u16>,
     /// Of the last picture.
-    size: Option<(usize, usize)>,
+    size: Option<Size>,
     camera: Affine,
     places: Vec<[f64; 4]>,
     map: Map,
@@ -77,7 +77,6 @@ impl Default for Flow {
 impl Detector for Flow {
     fn detect(&mut self, image: &Image, found: &mut Vec<Detection>) {
         found.clear();
-        let size = (image.width(), image.height());
         self.look(image);
         self.map.like(&self.u);
         let (w, cell) = (self.u.width(), self.u.cell() as f64);
@@ -86,7 +85,7 @@ impl Detector for Flow {
             let (cu, cv) = self.camera.at(centre(k % w), centre(k / w));
             *value = (self.u.values()[k] - cu as f32).hypot(self.v.values()[k] - cv as f32);
         }
-        self.blobs.find(&self.map, self.threshold, size, found);
+        self.blobs.find(&self.map, self.threshold, image.size(), found);
         // A patch at an edge moves with what moves in it: boxes reach about half a stride too far on each side.
         let smear = (STRIDE << self.finest) as f64 / 2.0;
         for Detection { bbox: b, .. } in found.iter_mut() {
@@ -113,7 +112,7 @@ impl Flow {
         let finest = self.finest_of(image);
         let levels = build(&mut self.now, image, (&mut self.sums, &mut self.across), finest);
         let finest = finest.min(levels - 1);
-        let size = Some((image.width(), image.height()));
+        let size = Some(image.size());
         if std::mem::replace(&mut self.size, size) != size || self.before.len() < levels {
             self.u.like(&self.now[finest]);
             self.v.like(&self.now[finest]);
@@ -224,11 +223,12 @@ mod tests {
         move |x, y| 128.0 + 14.0 * waves.iter().map(|w| (w[0] * x + w[1] * y + w[2]).sin()).sum::<f64>()
     }
 
-    const SIZE: (usize, usize) = (240, 180);
+    const SIZE: Size = Size::new(240, 180);
 
     fn picture(at: impl Fn(f64, f64) -> f64) -> Image {
-        let pixel = |k: usize| at((k % SIZE.0) as f64, (k / SIZE.0) as f64).round().clamp(0.0, 255.0) as u8;
-        Image::new(SIZE.0, SIZE.1, 1, (0..SIZE.0 * SIZE.1).map(pixel).collect()).expect("as many bytes")
+        let pixel = |k: usize| at((k % SIZE.width) as f64, (k / SIZE.width) as f64).round().clamp(0.0, 255.0) as u8;
+        Image::new(SIZE.width, SIZE.height, 1, (0..SIZE.width * SIZE.height).map(pixel).collect())
+            .expect("as many bytes")
     }
 
     /// Mean end-point error of the flow between two pictures, against a known one; places that leave the picture do not
@@ -239,11 +239,11 @@ mod tests {
         flow.next(second);
         let (u, v) = flow.field();
         let (mut sum, mut count) = (0.0, 0);
-        for y in 0..SIZE.1 {
-            for x in 0..SIZE.0 {
+        for y in 0..SIZE.height {
+            for x in 0..SIZE.width {
                 let (a, b) = truth(x as f64, y as f64);
                 let to = (x as f64 + a, y as f64 + b);
-                if to.0 >= 4.0 && to.1 >= 4.0 && to.0 < SIZE.0 as f64 - 5.0 && to.1 < SIZE.1 as f64 - 5.0 {
+                if to.0 >= 4.0 && to.1 >= 4.0 && to.0 < SIZE.width as f64 - 5.0 && to.1 < SIZE.height as f64 - 5.0 {
                     let at = (u.at_pixel(x as f32, y as f32), v.at_pixel(x as f32, y as f32));
                     (sum, count) = (sum + (f64::from(at.0) - a).hypot(f64::from(at.1) - b), count + 1);
                 }
@@ -300,11 +300,12 @@ mod tests {
     /// In a large picture, of which some rows are read: to a sixteenth of the 16 px of the level at which the search ends.
     #[test]
     fn the_camera_of_large_pictures_is_found() {
-        let (world, size, moved) = (texture(5), (640, 480), (7.0, -4.0));
+        let (world, size, moved) = (texture(5), Size::new(640, 480), (7.0, -4.0));
         let picture = |t: f64| {
-            let at = |k: usize| ((k % size.0) as f64 - t * moved.0, (k / size.0) as f64 - t * moved.1);
+            let at = |k: usize| ((k % size.width) as f64 - t * moved.0, (k / size.width) as f64 - t * moved.1);
             let grey = |(x, y): (f64, f64)| world(0.2 * x, 0.2 * y).round().clamp(0.0, 255.0) as u8;
-            Image::new(size.0, size.1, 1, (0..size.0 * size.1).map(|k| grey(at(k))).collect()).expect("as many bytes")
+            Image::new(size.width, size.height, 1, (0..size.width * size.height).map(|k| grey(at(k))).collect())
+                .expect("as many bytes")
         };
         let mut flow = Flow::down_to(CAMERA);
         [0.0, 1.0].map(picture).iter().for_each(|image| flow.look(image));

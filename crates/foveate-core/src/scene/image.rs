@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use foveate_kernels as kernels;
 
+use crate::geometry::Size;
 use foveate_base::{Error, Result};
 
 /// A picture: planar, row-major, one byte a sample. Pixel centres lie at whole coordinates,
@@ -64,21 +65,21 @@ impl Image {
     /// # Errors
     /// As [`Image::from_pixels`].
     pub fn from_rgb8(width: usize, height: usize, interleaved: &[u8]) -> Result<Self> {
-        Self::from_pixels(Pixels::Rgb, (width, height), width.saturating_mul(3), interleaved)
+        Self::from_pixels(Pixels::Rgb, Size { width, height }, width.saturating_mul(3), interleaved)
     }
     /// From grey bytes without gaps between rows.
     ///
     /// # Errors
     /// As [`Image::from_pixels`].
     pub fn from_grey8(width: usize, height: usize, grey: &[u8]) -> Result<Self> {
-        Self::from_pixels(Pixels::Grey, (width, height), width, grey)
+        Self::from_pixels(Pixels::Grey, Size { width, height }, width, grey)
     }
     /// Copies interleaved pixels into planes. `stride` is the number of bytes from one row to the next, at least the
     /// length of a row; the last row may end early.
     ///
     /// # Errors
     /// [`Error::Invalid`] if a side is 0, the stride is less than a row, or there are too few bytes.
-    pub fn from_pixels(pixels: Pixels, size: (usize, usize), stride: usize, bytes: &[u8]) -> Result<Self> {
+    pub fn from_pixels(pixels: Pixels, size: Size, stride: usize, bytes: &[u8]) -> Result<Self> {
         let mut image = Self { width: 0, height: 0, planes: 1, data: Arc::default() };
         image.refill(pixels, size, stride, bytes)?;
         Ok(image)
@@ -87,13 +88,8 @@ impl Image {
     ///
     /// # Errors
     /// As [`Image::from_pixels`]; then nothing has changed.
-    pub fn refill(
-        &mut self,
-        pixels: Pixels,
-        (width, height): (usize, usize),
-        stride: usize,
-        bytes: &[u8],
-    ) -> Result<()> {
+    pub fn refill(&mut self, pixels: Pixels, size: Size, stride: usize, bytes: &[u8]) -> Result<()> {
+        let Size { width, height } = size;
         let (depth, planes) = pixels.layout();
         let row = width.saturating_mul(depth);
         let needed = stride.saturating_mul(height.saturating_sub(1)).saturating_add(row);
@@ -135,6 +131,10 @@ impl Image {
     pub fn height(&self) -> usize {
         self.height
     }
+    /// Width and height in pixels.
+    pub fn size(&self) -> Size {
+        Size { width: self.width, height: self.height }
+    }
     /// 1 (grey) or 3 (red, green, blue).
     pub fn planes(&self) -> usize {
         self.planes
@@ -161,7 +161,7 @@ impl Image {
         self.plane(p)[y * self.width + x]
     }
     /// The part with so many columns and rows from a pixel on; it must be inside.
-    pub(crate) fn part(&self, (x, y): (usize, usize), (width, height): (usize, usize)) -> Self {
+    pub(crate) fn part(&self, (x, y): (usize, usize), Size { width, height }: Size) -> Self {
         let mut data = Vec::with_capacity(width * height * self.planes);
         for p in 0..self.planes {
             let rows = self.plane(p).chunks_exact(self.width).skip(y).take(height);
@@ -220,16 +220,17 @@ mod tests {
                 for (x, y, p) in (0..h).flat_map(|y| (0..w).flat_map(move |x| (0..3).map(move |p| (x, y, p)))) {
                     bytes[y * stride + x * depth + order[p]] = value(x, y, p);
                 }
-                let image = Image::from_pixels(pixels, (w, h), stride, &bytes).expect("enough bytes");
+                let image = Image::from_pixels(pixels, Size::new(w, h), stride, &bytes).expect("enough bytes");
                 let all = (0..3).flat_map(|p| (0..h).flat_map(move |y| (0..w).map(move |x| (x, y, p))));
                 assert!(
                     image.planes() == 3 && all.clone().all(|(x, y, p)| image.at(p, x, y) == value(x, y, p)),
                     "{pixels:?}"
                 );
-                let short =
-                    Image::from_pixels(pixels, (w, h), stride, &bytes[1..]).expect_err("a byte too few").to_string();
+                let short = Image::from_pixels(pixels, Size::new(w, h), stride, &bytes[1..])
+                    .expect_err("a byte too few")
+                    .to_string();
                 assert!(short.contains("3 x 2"), "{short}");
-                assert!(Image::from_pixels(pixels, (w, h), w * depth - 1, &bytes).is_err());
+                assert!(Image::from_pixels(pixels, Size::new(w, h), w * depth - 1, &bytes).is_err());
             }
         }
         let grey = Image::from_grey8(2, 2, &[1, 2, 3, 4]).expect("four bytes");

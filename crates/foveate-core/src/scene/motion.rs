@@ -10,7 +10,7 @@
 
 use foveate_kernels as kernels;
 
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Size};
 use crate::scene::detect::{Blobs, Detector, Score};
 use crate::scene::ghosts::{Ghosts, Marked};
 use crate::scene::morphology::{Mask, Rows, median};
@@ -79,8 +79,8 @@ impl Default for Motion {
 impl Detector for Motion {
     fn detect(&mut self, image: &Image, found: &mut Vec<Detection>) {
         found.clear();
-        let size @ (width, height) = (image.width(), image.height());
-        let same = (self.map.width(), self.map.height()) == size;
+        let size @ Size { width, height } = image.size();
+        let same = Size::new(self.map.width(), self.map.height()) == size;
         std::mem::swap(&mut self.now, &mut self.before);
         grey(image, &mut self.grey);
         median(&self.grey, width, &mut self.rows, &mut self.now);
@@ -107,9 +107,9 @@ impl Motion {
     /// do not count.
     pub fn learn_background(&mut self, frames: &[Image]) {
         let Some(first) = frames.first() else { return };
-        let (width, height) = (first.width(), first.height());
+        let size @ Size { width, height } = first.size();
         let mut stack: Vec<Vec<u8>> = vec![];
-        for image in frames.iter().filter(|image| (image.width(), image.height()) == (width, height)) {
+        for image in frames.iter().filter(|image| image.size() == size) {
             let mut smooth = vec![];
             grey(image, &mut self.grey);
             median(&self.grey, width, &mut self.rows, &mut smooth);
@@ -234,8 +234,8 @@ const APART: f64 = 0.15;
 /// part even if it is the target's position in the second frame. If opening leaves nothing, because a thin object
 /// moved a little, the difference is dilated directly.
 pub fn first_box(first: &Image, second: &Image, size: Option<(f64, f64)>) -> Option<BBox> {
-    let (width, height) = (first.width(), first.height());
-    if (second.width(), second.height()) != (width, height) {
+    let picture @ Size { width, height } = first.size();
+    if second.size() != picture {
         return None;
     }
     let (mut greys, mut pictures, mut smooth) = ([vec![], vec![]], [vec![], vec![]], vec![]);
@@ -258,7 +258,7 @@ pub fn first_box(first: &Image, second: &Image, size: Option<(f64, f64)>) -> Opt
     let mut map = Map::over(width, height, 1);
     map.values_mut().iter_mut().zip(&mask.marks).for_each(|(value, &mark)| *value = f32::from(u8::from(mark)));
     let mut found = vec![];
-    Blobs::new(1, Score::Mass).find(&map, 0.5, (width, height), &mut found);
+    Blobs::new(1, Score::Mass).find(&map, 0.5, picture, &mut found);
     let least = LEAST * found.first()?.score;
     found.retain(|part| part.score >= least);
     let parts: Vec<BBox> = found.iter().map(|part| part.bbox).collect();

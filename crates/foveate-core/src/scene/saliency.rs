@@ -68,7 +68,7 @@ impl Detector for Saliency {
     fn detect(&mut self, image: &Image, found: &mut Vec<Detection>) {
         self.look(image);
         let threshold = self.threshold * self.map.max();
-        self.blobs.find(&self.map, threshold, (image.width(), image.height()), found);
+        self.blobs.find(&self.map, threshold, image.size(), found);
     }
     fn map(&self) -> &Map {
         &self.map

@@ -11,7 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Image;
-use crate::geometry::{Extent, Gaze, State};
+use crate::geometry::{Extent, Gaze, Size, State};
 use foveate_base::Result;
 use foveate_base::error::within;
 use foveate_base::memory::{self, grow};
@@ -38,7 +38,7 @@ pub struct Window {
 
 impl Window {
     /// Right and bottom, exclusive, of a picture of this size; bins at its border may be cut.
-    pub fn end(&self, (width, height): (usize, usize)) -> (usize, usize) {
+    pub fn end(&self, Size { width, height }: Size) -> (usize, usize) {
         ((self.x + self.columns * self.bin.0).min(width), (self.y + self.rows * self.bin.1).min(height))
     }
 }
@@ -69,7 +69,7 @@ impl Regions for Image {
         [self.width(), self.height(), self.planes()]
     }
     fn read(&self, window: Window, out: &mut [u8]) -> Result<usize> {
-        let (right, bottom) = window.end((self.width(), self.height()));
+        let (right, bottom) = window.end(self.size());
         let Window { x, y, columns, rows, bin } = window;
         for (p, out) in out.chunks_exact_mut(columns * rows).enumerate() {
             let plane = self.plane(p);
@@ -250,7 +250,7 @@ impl Sensor {
         self.values += source.read(window, &mut self.bytes[..n * planes])?;
         self.painted.push(window);
         let width = self.seen.width();
-        let (right, bottom) = window.end((width, self.seen.height()));
+        let (right, bottom) = window.end(self.seen.size());
         self.taps.clear();
         self.taps.extend((window.x..right).map(|x| tap(x - window.x, window.bin.0, window.columns)));
         for line in &mut self.lines {
@@ -285,7 +285,7 @@ impl Sensor {
 
     fn wipe(&mut self, window: Window) {
         let width = self.seen.width();
-        let (right, bottom) = window.end((width, self.seen.height()));
+        let (right, bottom) = window.end(self.seen.size());
         for p in 0..self.seen.planes() {
             let plane = self.seen.plane_mut(p);
             (window.y..bottom).for_each(|y| plane[y * width..][window.x..right].fill(UNREAD));

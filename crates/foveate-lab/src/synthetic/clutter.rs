@@ -16,7 +16,7 @@ use crate::synthetic::path::Path;
 use crate::synthetic::{Drawn, Ink, check_scene, pick, shifted, wrong};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Streams};
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::Image;
 
 /// The salt and pepper density of the authors' noisy videos.
@@ -104,7 +104,7 @@ impl Clutter {
     }
 
     fn check(&self) -> Result<()> {
-        check_scene(self.frames, (self.width, self.height), SIDE as f64, self.noise, self.speed)?;
+        check_scene(self.frames, Size::new(self.width, self.height), SIDE as f64, self.noise, self.speed)?;
         if self.digit > 9 { wrong(format!("digit is {}, expected 0 to 9", self.digit)) } else { Ok(()) }
     }
 
@@ -114,8 +114,8 @@ impl Clutter {
 }
 
 impl Drawn for ClutterVideo {
-    fn size(&self) -> (usize, usize) {
-        (self.settings.width, self.settings.height)
+    fn size(&self) -> Size {
+        Size::new(self.settings.width, self.settings.height)
     }
     fn truth(&self) -> &[BBox] {
         &self.truth

@@ -17,14 +17,14 @@ pub use self::occlusion::{Corruption, GLIMPSE, Occlusion, OcclusionVideo};
 use crate::idx::Digits;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::Image;
 use foveate_video::{Frame, FrameSource, SourceInfo};
 
 /// A video whose frames can be drawn in any order.
 pub trait Drawn: Send {
     /// Width and height in pixels.
-    fn size(&self) -> (usize, usize);
+    fn size(&self) -> Size;
     /// The target's box in each frame, 0-based; as many as there are frames, one at least.
     fn truth(&self) -> &[BBox];
     /// The target's class.
@@ -36,7 +36,7 @@ pub trait Drawn: Send {
     where
         Self: Sized,
     {
-        let (width, height) = self.size();
+        let Size { width, height } = self.size();
         let reader = "synthetic digits".into();
         let info = SourceInfo { width, height, frames: Some(self.truth().len()), rate: 30.0, reader };
         DrawnFrames { video: self, next: 0, info }
@@ -44,7 +44,7 @@ pub trait Drawn: Send {
 }
 
 impl Drawn for Box<dyn Drawn> {
-    fn size(&self) -> (usize, usize) {
+    fn size(&self) -> Size {
         (**self).size()
     }
     fn truth(&self) -> &[BBox] {
@@ -192,17 +192,11 @@ fn wrong<T>(what: String) -> Result<T> {
 }
 
 /// Checks the settings that all scenes have; `least` is the shortest side of the canvas.
-fn check_scene(
-    frames: usize,
-    (width, height): (usize, usize),
-    least: f64,
-    noise: f64,
-    [slow, fast]: [f64; 2],
-) -> Result<()> {
+fn check_scene(frames: usize, size: Size, least: f64, noise: f64, [slow, fast]: [f64; 2]) -> Result<()> {
     match () {
         () if frames == 0 => wrong("frames is 0, expected at least 1".into()),
-        () if (width.min(height) as f64) < least || width.max(height) > 10_000 => {
-            wrong(format!("a canvas of {width} x {height}, expected sides from the target's {least} to 10000"))
+        () if (size.width.min(size.height) as f64) < least || size.width.max(size.height) > 10_000 => {
+            wrong(format!("a canvas of {size}, expected sides from the target's {least} to 10000"))
         }
         () if !(0.0..=1.0).contains(&noise) => wrong(format!("noise is {noise}, expected 0 to 1")),
         () if !(0.0 <= slow && slow <= fast && fast.is_finite()) => {

@@ -17,7 +17,7 @@ use crate::synthetic::path::Path;
 use crate::synthetic::{Ink, check_scene, pick, wrong};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Rng, Streams};
-use foveate_core::geometry::{BBox, Extent, State};
+use foveate_core::geometry::{BBox, Extent, Size, State};
 use foveate_core::scene::Image;
 use foveate_video::mot::{TrackBox, Tracks};
 use foveate_video::{Frame, FrameSource, SourceInfo};
@@ -95,7 +95,7 @@ impl Mover {
     }
 
     /// Calls `each` with the pixels (column, row) of a canvas that its square covers in frame `t`, and the ink there.
-    fn pixels(&self, t: usize, (width, height): (usize, usize), mut each: impl FnMut(usize, usize, u8)) {
+    fn pixels(&self, t: usize, canvas: Size, mut each: impl FnMut(usize, usize, u8)) {
         let state = self.states[t];
         let size = self.extent.half_w / HALF * state.log_scale.exp();
         let (sin, cos) = state.angle.sin_cos();
@@ -108,8 +108,8 @@ impl Mover {
             let inside = |k: i64| (0..SIDE as i64).contains(&k);
             if inside(x) && inside(y) { f64::from(self.ink[y as usize * SIDE + x as usize]) } else { 0.0 }
         };
-        for y in range(state.y, height) {
-            for x in range(state.x, width) {
+        for y in range(state.y, canvas.height) {
+            for x in range(state.x, canvas.width) {
                 let (dx, dy) = ((x as f64 - state.x) / size, (y as f64 - state.y) / size);
                 // The digit's pixel, the middle of the square being between pixels 13 and 14.
                 let (u, v) = (cos * dx + sin * dy + HALF - 0.5, cos * dy - sin * dx + HALF - 0.5);
@@ -219,7 +219,7 @@ impl Multi {
     fn check(&self) -> Result<()> {
         let [low, high] = self.scale;
         let least = (2.0 * HALF * high).ceil();
-        check_scene(self.frames, (self.width, self.height), least, self.noise, self.speed)?;
+        check_scene(self.frames, Size::new(self.width, self.height), least, self.noise, self.speed)?;
         match self {
             _ if !(1..=10_000).contains(&self.targets) => {
                 wrong(format!("targets is {}, expected 1 to 10000", self.targets))
@@ -242,8 +242,8 @@ impl Multi {
 
 impl MultiVideo {
     /// Width and height in pixels.
-    pub fn size(&self) -> (usize, usize) {
-        (self.settings.width, self.settings.height)
+    pub fn size(&self) -> Size {
+        Size::new(self.settings.width, self.settings.height)
     }
     /// What moves; later ones are drawn over earlier ones.
     pub fn movers(&self) -> &[Mover] {
@@ -269,11 +269,11 @@ impl MultiVideo {
 
     /// Share of each target's solid ink in frame `t` that no later target's ink covers, 0 to 1.
     pub fn visible(&self, t: usize) -> Vec<f64> {
-        let (width, height) = self.size();
+        let size @ Size { width, height } = self.size();
         let mut top = vec![usize::MAX; width * height];
         let mut all = vec![0u32; self.movers.len()];
         for (i, mover) in self.movers.iter().enumerate() {
-            mover.pixels(t, (width, height), |x, y, ink| {
+            mover.pixels(t, size, |x, y, ink| {
                 if ink >= SOLID || self.settings.ink == Ink::Opaque {
                     top[y * width + x] = i;
                     all[i] += u32::from(ink >= SOLID);
@@ -282,7 +282,7 @@ impl MultiVideo {
         }
         let mut seen = vec![0u32; self.movers.len()];
         for (i, mover) in self.movers.iter().enumerate() {
-            mover.pixels(t, (width, height), |x, y, ink| {
+            mover.pixels(t, size, |x, y, ink| {
                 seen[i] += u32::from(ink >= SOLID && top[y * width + x] == i);
             });
         }
@@ -291,10 +291,10 @@ impl MultiVideo {
 
     /// Draws frame `t`. Panics if the video is shorter.
     pub fn render(&self, t: usize) -> Image {
-        let (width, height) = self.size();
+        let size @ Size { width, height } = self.size();
         let mut canvas = self.background.clone();
         for mover in &self.movers {
-            mover.pixels(t, (width, height), |x, y, ink| {
+            mover.pixels(t, size, |x, y, ink| {
                 let below = &mut canvas[y * width + x];
                 *below = self.settings.ink.over(*below, ink);
             });
@@ -313,7 +313,7 @@ impl MultiVideo {
 
     /// The frames in order, at 30 a second.
     pub fn source(self) -> MultiFrames {
-        let (width, height) = self.size();
+        let Size { width, height } = self.size();
         let reader = "synthetic digits".into();
         let info = SourceInfo { width, height, frames: Some(self.frames()), rate: 30.0, reader };
         MultiFrames { video: self, next: 0, info }

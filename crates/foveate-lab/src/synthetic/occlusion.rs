@@ -13,7 +13,7 @@ use crate::synthetic::path::Path;
 use crate::synthetic::{Drawn, Ink, NOISE, check_scene, pick, shifted, wrong};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Streams};
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::Image;
 
 /// Settings that give the configuration `digits-partial` a sharp window of 5 x 5 pixels, a 31st of the digit's box. A
@@ -132,7 +132,7 @@ impl Occlusion {
     }
 
     fn check(&self) -> Result<()> {
-        check_scene(self.frames, (self.width, self.height), self.side as f64, self.noise, self.speed)?;
+        check_scene(self.frames, Size::new(self.width, self.height), self.side as f64, self.noise, self.speed)?;
         match self {
             _ if self.digit > 9 => wrong(format!("digit is {}, expected 0 to 9", self.digit)),
             _ if !(SIDE..=10 * SIDE).contains(&self.side) => {
@@ -176,8 +176,8 @@ impl OcclusionVideo {
 }
 
 impl Drawn for OcclusionVideo {
-    fn size(&self) -> (usize, usize) {
-        (self.settings.width, self.settings.height)
+    fn size(&self) -> Size {
+        Size::new(self.settings.width, self.settings.height)
     }
     fn truth(&self) -> &[BBox] {
         &self.truth

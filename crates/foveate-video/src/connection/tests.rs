@@ -11,7 +11,7 @@ const FRAME: &str = "printf 'FRAME\\nabcdef'\n";
 fn listening_waits_for_a_sender() {
     let asked = |address: &str, listen| {
         let address = Path::new(address);
-        let found = arguments(&Scheme::of(address).expect("a scheme"), address, listen, (0, 0));
+        let found = arguments(&Scheme::of(address).expect("a scheme"), address, listen, Size::default());
         found.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
     };
     for (address, options) in [("rtsp://h/x", "-rtsp_flags listen"), ("http://h/x", "-listen 1")] {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use super::input::Input;
+use foveate_core::geometry::Size;
 
 /// What is known of a video before it is decoded.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,8 +15,8 @@ pub(super) struct Facts {
     pub stream: Option<usize>,
     /// The file has sound and no video.
     pub sound: bool,
-    /// Sides of the first picture, turned as it is shown, of stored pixels.
-    pub sides: Option<(usize, usize)>,
+    /// Size of the first picture, turned as it is shown, of stored pixels.
+    pub sides: Option<Size>,
     /// Mean frames a second.
     pub rate: Option<f64>,
     /// An estimate of the number of frames.
@@ -75,7 +76,7 @@ impl Facts {
         Self {
             stream: text("index").parse().ok(),
             sound,
-            sides: sides.map(|(w, h)| if turned { (h, w) } else { (w, h) }),
+            sides: sides.map(|(w, h)| if turned { Size::new(h, w) } else { Size::new(w, h) }),
             rate,
             frames: frames.map(|n| n.round() as usize),
             matrix,

@@ -33,7 +33,7 @@ fn the_output_of_ffprobe_is_parsed() {
                  r_frame_rate=25/1\navg_frame_rate=25/2\nduration=N/A\nnb_frames=N/A\n";
     let facts = Facts {
         stream: Some(0),
-        sides: Some((160, 120)),
+        sides: Some(Size::new(160, 120)),
         rate: Some(12.5),
         frames: Some(50),
         matrix: Some(1),
@@ -47,7 +47,7 @@ fn the_output_of_ffprobe_is_parsed() {
     let twice = format!("[PROGRAM]\n[STREAM]\nindex=0\ncodec_type=video\n[/STREAM]\n[/PROGRAM]\n{plain}");
     assert_eq!(Facts::read(&file(&twice)), facts);
     let turned = format!("[STREAM]\n{video}[SIDE_DATA]\nrotation=-90\n[/SIDE_DATA]\n[/STREAM]\n");
-    assert_eq!(Facts::read(&file(&turned)).sides, Some((120, 160)));
+    assert_eq!(Facts::read(&file(&turned)).sides, Some(Size::new(120, 160)));
     // A cover, marked or not, is no video where there is one; beside sound it is none at all.
     let other = plain.replace("index=0", "index=1");
     for cover in [
@@ -265,9 +265,9 @@ fn pixels_are_square() {
         make(&path, &[&["-vf", &format!("setsar={ratio}"), "-t", "0.2"], options].concat());
         let mut source = crate::open(&path).expect("a video");
         let (info, remarks) = (source.info().clone(), source.remarks());
-        assert_eq!((info.width, info.height), size, "{name}");
+        assert_eq!(info.size(), size.into(), "{name}");
         let frame = source.next().expect("a frame").expect("a good one");
-        assert_eq!((frame.image.width(), frame.image.height()), size, "{name}");
+        assert_eq!(frame.image.size(), info.size(), "{name}");
         assert_eq!(remarks.shape().is_some(), size != (160, 120), "{name}");
     }
 }

@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::Image;
 use foveate_video::Mp4Writer;
 
@@ -55,7 +55,7 @@ fn answer(folder: &Path, mut stream: TcpStream) -> Option<()> {
     stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(&body)).ok()
 }
 
-pub(crate) const SIZE: (usize, usize) = (320, 240);
+pub(crate) const SIZE: Size = Size::new(320, 240);
 /// Frames until all begins again.
 pub(crate) const FRAMES: usize = 64;
 /// Side of a square of the number in the picture, pixels.
@@ -69,7 +69,7 @@ pub(crate) fn truth(t: usize) -> [f64; 4] {
 
 /// Frame `t`: a textured square over noise; in the upper left corner stands its number, a square a bit.
 pub(crate) fn frame(t: usize) -> Vec<u8> {
-    let (w, h) = SIZE;
+    let Size { width: w, height: h } = SIZE;
     let mut x = 1u32;
     let mut noise = || {
         x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -96,9 +96,9 @@ pub(crate) const NUMBER: &str = "(picture => { const c = new OffscreenCanvas(96,
 
 /// One turn as H.264 in MP4.
 pub(crate) fn mp4(path: &Path) {
-    let mut writer = Mp4Writer::create(path, SIZE.0, SIZE.1, 30.0).expect("a writable folder");
+    let mut writer = Mp4Writer::create(path, SIZE.width, SIZE.height, 30.0).expect("a writable folder");
     for t in 0..FRAMES {
-        let image = Image::from_grey8(SIZE.0, SIZE.1, &frame(t)).expect("as many pixels").with_planes(3);
+        let image = Image::from_grey8(SIZE.width, SIZE.height, &frame(t)).expect("as many pixels").with_planes(3);
         writer.push(&image, t as f64 / 30.0).expect("a frame");
     }
     writer.finish().expect("a whole file");
@@ -106,7 +106,7 @@ pub(crate) fn mp4(path: &Path) {
 
 /// One turn as yuv4mpeg, for a browser's pretended camera.
 pub(crate) fn y4m(path: &Path, rate: usize) {
-    let (w, h) = SIZE;
+    let Size { width: w, height: h } = SIZE;
     let mut bytes = format!("YUV4MPEG2 W{w} H{h} F{rate}:1 Ip A1:1 C420jpeg\n").into_bytes();
     for t in 0..FRAMES {
         bytes.extend_from_slice(b"FRAME\n");

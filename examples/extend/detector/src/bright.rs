@@ -32,14 +32,13 @@ impl Bright {
 
 impl Detector for Bright {
     fn detect(&mut self, image: &Image, found: &mut Vec<Detection>) {
-        let (width, height) = (image.width(), image.height());
         let pixels = image.plane(0);
         let mean = pixels.iter().map(|pixel| u64::from(*pixel)).sum::<u64>() as f32 / pixels.len().max(1) as f32;
-        self.map.cover(width, height, 1);
+        self.map.cover(image.width(), image.height(), 1);
         for (value, pixel) in self.map.values_mut().iter_mut().zip(pixels) {
             *value = (f32::from(*pixel) - mean - f32::from(self.above)).max(0.0);
         }
-        self.blobs.find(&self.map, 0.0, (width, height), found);
+        self.blobs.find(&self.map, 0.0, image.size(), found);
     }
     fn map(&self) -> &Map {
         &self.map

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use foveate::geometry::Size;
 use foveate::{Error, Result, files};
 
 use super::Boxes;
@@ -12,13 +13,13 @@ use super::Boxes;
 ///
 /// # Errors
 /// The size is 0, or the folder cannot be written.
-pub fn write(mut boxes: Boxes, size: (usize, usize), folder: &Path) -> Result<Vec<String>> {
-    if size.0 == 0 || size.1 == 0 {
-        return Err(Error::Invalid(format!("the pictures' size is {} x {}; expected no side 0", size.0, size.1)));
+pub fn write(mut boxes: Boxes, size: Size, folder: &Path) -> Result<Vec<String>> {
+    if size.width == 0 || size.height == 0 {
+        return Err(Error::Invalid(format!("the pictures' size is {size}; expected no side 0")));
     }
     boxes.lose_confidence();
     boxes.lose(boxes.ids().len(), "ids are left out");
-    let (width, height) = (size.0 as f64, size.1 as f64);
+    let (width, height) = (size.width as f64, size.height as f64);
     let (mut texts, mut cut, mut outside) = (vec![String::new(); boxes.frames], 0, 0);
     for b in &boxes.tracks {
         let (left, top) = (b.bbox.x.max(0.0), b.bbox.y.max(0.0));

@@ -43,5 +43,5 @@ pub(super) fn open(address: &Path) -> Result<(Source<Open>, SourceInfo)> {
             None => Ok(()),
         }
     });
-    Ok((Source::Live(Recent::new(info.width, info.height), Some(pull)), info))
+    Ok((Source::Live(Recent::new(info.size()), Some(pull)), info))
 }

@@ -299,5 +299,5 @@ fn check_memory(many: &MultiTracker, given: &[Given], about: &SourceInfo) -> Res
         return Ok(());
     }
     let side = |of: fn(&BBox) -> f64| given.iter().map(|given| of(&given.bbox)).sum::<f64>() / given.len() as f64;
-    many.check_room(given.len(), &BBox::new(0.0, 0.0, side(|b| b.w), side(|b| b.h)), (about.width, about.height))
+    many.check_room(given.len(), &BBox::new(0.0, 0.0, side(|b| b.w), side(|b| b.h)), about.size())
 }

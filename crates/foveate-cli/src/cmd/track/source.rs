@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use foveate::geometry::BBox;
+use foveate::geometry::{BBox, Size};
 use foveate::text::counted;
 use foveate::video::{
     Decoder, FrameSource, Live, LiveOptions, Meter, Options, Pace, Pixels, Raw, Remarks, Selection, SourceInfo,
@@ -23,7 +23,7 @@ pub(crate) struct SourceArgs {
     decoder: Decoder,
     /// Read raw pixels of this size, frame after frame; see --pix
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
-    raw: Option<(usize, usize)>,
+    raw: Option<Size>,
     /// Pixel format of raw pixels; default: rgb24
     #[arg(long, value_name = "rgb24|bgr24|gray", requires = "raw", value_parser = named(Pixels::ALL))]
     pix: Option<Pixels>,
@@ -59,10 +59,10 @@ pub(crate) fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     PossibleValuesParser::new(all.map(|(name, _)| name)).map(find)
 }
 
-fn parse_size(text: &str) -> std::result::Result<(usize, usize), String> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+fn parse_size(text: &str) -> std::result::Result<Size, String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some(Size::new(w.parse().ok()?, h.parse().ok()?)));
     sides
-        .filter(|(w, h)| *w > 0 && *h > 0)
+        .filter(|size| size.width > 0 && size.height > 0)
         .ok_or_else(|| format!("expected WIDTHxHEIGHT such as 640x480, got \"{text}\""))
 }
 
@@ -114,7 +114,7 @@ impl SourceArgs {
     }
 
     pub(crate) fn options(&self) -> Options {
-        let raw = self.raw.map(|(width, height)| Raw { width, height, pixels: self.pix.unwrap_or_default() });
+        let raw = self.raw.map(|Size { width, height }| Raw { width, height, pixels: self.pix.unwrap_or_default() });
         Options { decoder: self.decoder, raw, notify: note_line, ..Options::default() }
     }
 

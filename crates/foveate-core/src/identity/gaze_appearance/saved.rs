@@ -15,10 +15,10 @@ impl Validate for Template {
     fn validate(&self, (): &()) -> Valid {
         let Self { image, origin, size, .. } = self;
         let holds = |from: usize, n: usize, side: usize| from.checked_add(n).is_some_and(|end| end <= side);
-        ensure(holds(origin.0, image.width(), size.0) && holds(origin.1, image.height(), size.1), || {
+        ensure(holds(origin.0, image.width(), size.width) && holds(origin.1, image.height(), size.height), || {
             "the part of a picture that it has lies outside of the picture".into()
         })?;
-        memory::check_picture(size.0, size.1).map_err(|error| error.to_string())
+        memory::check_picture(size.width, size.height).map_err(|error| error.to_string())
     }
 }
 

@@ -2,7 +2,7 @@
 //! target.
 
 use super::{GazeAppearance, Template, looks};
-use crate::geometry::Gaze;
+use crate::geometry::{Gaze, Size};
 use crate::identity::Buffers;
 use crate::identity::pyramid::{Pyramid, Region};
 use crate::identity::retina::Retina;
@@ -48,9 +48,9 @@ impl GazeAppearance {
         if kept.is_whole() && self.discounting_background <= 0.0 {
             let used = self.template.get_or_insert_with(|| kept.pyramid(&*self.retina)).used();
             let (x, y, width, height) = used;
-            let region = Region { x, y, width, height }.padded((BLOCK, BLOCK), kept.size);
-            kept.origin = (region.x, region.y);
-            kept.image = kept.image.part((region.x, region.y), (region.width, region.height));
+            let Region { x, y, width, height } = Region { x, y, width, height }.padded((BLOCK, BLOCK), kept.size);
+            kept.origin = (x, y);
+            kept.image = kept.image.part(kept.origin, Size { width, height });
         }
         if !self.moves {
             self.template_features(Gaze::CENTRE);
@@ -61,7 +61,7 @@ impl GazeAppearance {
 
 impl Template {
     pub(super) fn is_whole(&self) -> bool {
-        (self.image.width(), self.image.height()) == self.size
+        self.image.size() == self.size
     }
 
     /// The pyramid that gazes at the template read.
@@ -79,13 +79,14 @@ impl Template {
             return self.image.clone();
         }
         let planes = self.image.planes();
-        let mut whole = Image::new(self.size.0, self.size.1, planes, vec![0; self.size.0 * self.size.1 * planes])
-            .expect("as large as a picture was");
+        let Size { width, height } = self.size;
+        let mut whole =
+            Image::new(width, height, planes, vec![0; width * height * planes]).expect("as large as a picture was");
         for p in 0..planes {
             let rows = self.image.plane(p).chunks_exact(self.image.width());
             let plane = whole.plane_mut(p);
             for (row, from) in rows.enumerate() {
-                plane[(self.origin.1 + row) * self.size.0 + self.origin.0..][..from.len()].copy_from_slice(from);
+                plane[(self.origin.1 + row) * width + self.origin.0..][..from.len()].copy_from_slice(from);
             }
         }
         whole

@@ -64,8 +64,8 @@ fn a_distance_depends_on_its_state_alone() {
 /// is what is seen of each alone; what more states need is added, and what is between stays out.
 #[test]
 fn scattered_states_are_seen_as_each_alone() {
-    let (size, mut rng) = ((700, 500), Streams::new(3, 0).rng(5));
-    let image = Image::new(size.0, size.1, 3, (0..size.0 * size.1 * 3).map(|_| rng.random()).collect()).expect("bytes");
+    let mut rng = Streams::new(3, 0).rng(5);
+    let image = Image::new(700, 500, 3, (0..700 * 500 * 3).map(|_| rng.random()).collect()).expect("bytes");
     let mut it =
         appearance(Precision::F32, Kind::Cosine).with_colour(Some(crate::identity::colour::Settings::default()));
     it.init_template(&image, &State { x: 200.0, y: 150.0, ..State::default() }, EXTENT, Streams::new(3, 0));

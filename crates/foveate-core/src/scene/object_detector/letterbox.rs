@@ -1,6 +1,6 @@
 //! A picture within the input of a network: scaled in proportion, in the middle, grey around it.
 
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Size};
 use crate::scene::Image;
 
 /// The grey around the picture, as detectors are trained with it.
@@ -9,19 +9,18 @@ const AROUND: f32 = 114.0 / 255.0;
 /// The position of a picture in a network's input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Letterbox {
-    /// Width and height of the picture.
-    picture: (usize, usize),
+    picture: Size,
     /// Left, top, width and height of the scaled picture.
     place: [usize; 4],
 }
 
 impl Letterbox {
     /// For a picture and an input of these widths and heights.
-    pub(super) fn new(picture: (usize, usize), input: (usize, usize)) -> Self {
-        let scale = (input.0 as f64 / picture.0 as f64).min(input.1 as f64 / picture.1 as f64);
+    pub(super) fn new(picture: Size, input: Size) -> Self {
+        let scale = (input.width as f64 / picture.width as f64).min(input.height as f64 / picture.height as f64);
         let side = |of: usize, most: usize| ((of as f64 * scale).round() as usize).clamp(1, most);
-        let (width, height) = (side(picture.0, input.0), side(picture.1, input.1));
-        Self { picture, place: [(input.0 - width) / 2, (input.1 - height) / 2, width, height] }
+        let (width, height) = (side(picture.width, input.width), side(picture.height, input.height));
+        Self { picture, place: [(input.width - width) / 2, (input.height - height) / 2, width, height] }
     }
 
     /// Writes the planes of an input of this width, 0 to 1; red, green and blue, or grey.
@@ -35,12 +34,12 @@ impl Letterbox {
             };
             (0..n).map(tap).collect()
         };
-        let (across, down) = (taps(columns, self.picture.0), taps(rows, self.picture.1));
+        let (across, down) = (taps(columns, self.picture.width), taps(rows, self.picture.height));
         for (p, plane) in planes.iter_mut().enumerate() {
             plane.fill(AROUND);
             let bytes = image.plane(p.min(image.planes() - 1));
             for (row, (y0, y1, v)) in plane.chunks_exact_mut(width).skip(top).zip(&down) {
-                let line = |y: usize| &bytes[y * self.picture.0..][..self.picture.0];
+                let line = |y: usize| &bytes[y * self.picture.width..][..self.picture.width];
                 let (upper, lower) = (line(*y0), line(*y1));
                 for (out, (x0, x1, u)) in row[left..].iter_mut().zip(&across) {
                     let mean = |line: &[u8]| {
@@ -57,8 +56,8 @@ impl Letterbox {
     /// The box of the picture for these edges in the input (left, top, right, bottom), clipped to the picture; `None`
     /// if less than a pixel remains.
     pub(super) fn back(&self, [left, top, right, bottom]: [f64; 4]) -> Option<BBox> {
-        let ((width, height), [x, y, columns, rows]) = (self.picture, self.place.map(|n| n as f64));
-        let (width, height) = (width as f64, height as f64);
+        let [x, y, columns, rows] = self.place.map(|n| n as f64);
+        let (width, height) = (self.picture.width as f64, self.picture.height as f64);
         let along = |at: f64, from: f64, n: f64, of: f64| ((at - from) * of / n).clamp(0.0, of);
         let (x0, x1) = (along(left, x, columns, width), along(right, x, columns, width));
         let (y0, y1) = (along(top, y, rows, height), along(bottom, y, rows, height));
@@ -75,7 +74,7 @@ mod tests {
     #[test]
     fn a_picture_is_in_the_middle() {
         let image = Image::new(4, 2, 1, vec![0, 255, 0, 255, 0, 255, 0, 255]).expect("eight bytes");
-        let letterbox = Letterbox::new((4, 2), (8, 8));
+        let letterbox = Letterbox::new(Size::new(4, 2), Size::new(8, 8));
         let (mut r, mut g) = (vec![0.0; 64], vec![0.0; 64]);
         letterbox.fill(&image, 8, &mut [&mut r, &mut g]);
         assert_eq!(r, g);
@@ -88,7 +87,7 @@ mod tests {
 
     #[test]
     fn boxes_come_back() {
-        let letterbox = Letterbox::new((100, 40), (64, 64));
+        let letterbox = Letterbox::new(Size::new(100, 40), Size::new(64, 64));
         // 64 x 26 at (0, 19).
         assert_eq!(letterbox.place, [0, 19, 64, 26]);
         let back = letterbox.back([16.0, 32.0, 48.0, 45.0]).expect("within");
@@ -99,7 +98,7 @@ mod tests {
             assert_eq!(letterbox.back(none), None, "{none:?}");
         }
         for (w, h) in [(1, 1), (1, 9000), (9000, 1), (640, 640)] {
-            let tiny = Letterbox::new((w, h), (32, 32));
+            let tiny = Letterbox::new(Size::new(w, h), Size::new(32, 32));
             let whole = BBox { x: 0.0, y: 0.0, w: w as f64, h: h as f64 };
             assert_eq!(tiny.back([0.0, 0.0, 32.0, 32.0]), Some(whole));
         }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::Settings;
 use super::boxes::{Reading, suppress};
 use super::letterbox::Letterbox;
+use crate::geometry::Size;
 use crate::onnx::{Graph, Network, fixed, shape};
 use crate::scene::{Detection, Detector, Image, Map};
 use foveate_base::{Error, Result};
@@ -86,9 +87,8 @@ impl Detector for ObjectDetector {
     /// A picture on which the network fails after all holds nothing.
     fn detect(&mut self, image: &Image, found: &mut Vec<Detection>) {
         found.clear();
-        let (width, height) = (image.width(), image.height());
-        self.map.cover(width, height, CELL);
-        let letterbox = Letterbox::new((width, height), (self.width, self.height));
+        self.map.cover(image.width(), image.height(), CELL);
+        let letterbox = Letterbox::new(image.size(), Size::new(self.width, self.height));
         let grey = (self.planes == 1 && image.planes() > 1).then(|| image.to_grey());
         let mut planes: Vec<&mut [f32]> = self.input.chunks_exact_mut(self.width * self.height).collect();
         letterbox.fill(grey.as_ref().unwrap_or(image), self.width, &mut planes);
