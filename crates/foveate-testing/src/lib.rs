@@ -74,7 +74,11 @@ pub fn node() -> Result<(), String> {
     program("node", "--version")
 }
 
-fn program(name: &str, version: &str) -> Result<(), String> {
+/// A program, which the argument `version` makes print its version.
+///
+/// # Errors
+/// Where it is not installed.
+pub fn program(name: &str, version: &str) -> Result<(), String> {
     let status = Command::new(name).arg(version).stdout(Stdio::null()).stderr(Stdio::null()).status();
     if status.is_ok_and(|status| status.success()) { Ok(()) } else { Err(format!("program {name}")) }
 }
