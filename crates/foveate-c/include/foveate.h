@@ -1,4 +1,7 @@
 // foveate: follow one target or many through video. Made by cbindgen from the crate foveate-c; docs/c.md is the guide.
+//
+// A pointer is null, or the address of as many values as the comment of the function or field states; they do not change during the
+// call. A text ends with a 0. Null where a value is needed gives FOVEATE_CODE_INVALID.
 
 #ifndef FOVEATE_H
 #define FOVEATE_H
