@@ -1,7 +1,8 @@
 //! The plain data of the header.
 
+use foveate::geometry::{Size, State};
 use foveate::scene::Pixels;
-use foveate::{BBox, Detection, Image, Seen, Status, geometry::State, memory};
+use foveate::{BBox, Detection, Image, Seen, Status, memory};
 
 use crate::errors::Failure;
 
@@ -141,7 +142,7 @@ impl FoveateResult {
 /// The checked shape of a picture.
 pub(crate) struct Shape {
     pixels: Pixels,
-    size: (usize, usize),
+    size: Size,
     stride: usize,
     /// The bytes from the first to the last pixel.
     pub bytes: usize,
@@ -162,7 +163,7 @@ impl FoveatePicture {
         let (stride, row) = (self.stride, width.saturating_mul(depth));
         let before = stride.checked_mul(height - 1).and_then(|bytes| bytes.checked_add(row));
         match before.filter(|&bytes| stride >= row && bytes <= isize::MAX as usize) {
-            Some(bytes) => Ok(Shape { pixels, size: (width, height), stride, bytes }),
+            Some(bytes) => Ok(Shape { pixels, size: Size { width, height }, stride, bytes }),
             None => Err(Failure::invalid(format!(
                 "the picture's stride is {stride}; give the bytes from a row to the next, at least {row} for {width} pixels"
             ))),
@@ -173,10 +174,9 @@ impl FoveatePicture {
 impl Shape {
     /// Fails if pictures of a new size exceed the memory limit. It is called before the bytes are read.
     pub(crate) fn check(&self, kept: Option<&Image>) -> Result<(), Failure> {
-        let (width, height) = self.size;
-        match kept.is_some_and(|image| (image.width(), image.height()) == self.size) {
+        match kept.is_some_and(|image| image.size() == self.size) {
             true => Ok(()),
-            false => Ok(memory::check_picture(width, height)?),
+            false => Ok(memory::check_picture(self.size.width, self.size.height)?),
         }
     }
 
