@@ -142,4 +142,23 @@ mod tests {
         assert_eq!(code(free::<Tracker, _>(handle)), None);
         assert_eq!(code(free::<Tracker, _>(handle)), Some(FoveateCode::Handle), "freed twice");
     }
+
+    #[test]
+    fn threads_take_turns_until_the_tracker_is_freed() {
+        let key = create::<Tracker, u8>("fast").expect("it ships").addr();
+        let handle = || without_provenance_mut::<u8>(key);
+        let busy = AtomicUsize::new(0);
+        let act = |_: &mut Working<Tracker>| {
+            assert_eq!(busy.fetch_add(1, Ordering::SeqCst), 0, "one call at a time");
+            std::thread::yield_now();
+            busy.fetch_sub(1, Ordering::SeqCst);
+            Ok(())
+        };
+        std::thread::scope(|scope| {
+            let call = || while with(handle(), act).is_ok() {};
+            (0..4).for_each(|_| _ = scope.spawn(call));
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            free::<Tracker, _>(handle()).expect("it is live");
+        });
+    }
 }
