@@ -86,3 +86,30 @@ impl Extras {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::toy::{Toy, parts, picture, started, turning};
+    use crate::scene::Scene;
+
+    /// Another class at the estimate is a loss, however well the place fits: the alarm is a lower bound of P(lost), and a deficit for the
+    /// policy. Without an alarm the class changes nothing.
+    #[test]
+    fn an_alarm_of_the_class_is_evidence_of_a_loss() {
+        let recognitions = [turning(20), turning(20).with_alarm().expect("two classes")];
+        let [without, with] = recognitions.map(|recognition| {
+            let mut engine = started(parts(Toy::at(50.0)).with_recognition(Some(recognition)), 0);
+            let image = picture();
+            let mut alarms = (0..40).map(|frame| {
+                let alarm = engine.parts.extras.alarm();
+                let p_lost = engine.step_on(Scene { image: &image, detections: &[] }).p_lost;
+                assert!(p_lost == alarm || (alarm < 0.01 && p_lost < 0.01), "frame {frame}: P(lost) {p_lost}, {alarm}");
+                assert!(engine.context.deficit >= alarm, "frame {frame}");
+                alarm
+            });
+            (alarms.by_ref().take(20).sum::<f64>(), alarms.last().expect("frames"), engine.is_searching())
+        });
+        assert_eq!(without, (0.0, 0.0, false));
+        assert!(with.0 == 0.0 && with.1 > 0.7 && with.2, "{with:?}");
+    }
+}

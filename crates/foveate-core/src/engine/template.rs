@@ -119,3 +119,79 @@ impl Engine {
         if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::toy::{Learned, Toy, model, parts, picture, started, target, turning};
+    use super::*;
+    use crate::control::DistractorSettings;
+    use crate::engine::Monitor;
+    use crate::gaze::{Grid, Hedge};
+    use crate::identity::box_regression::{BoxRegression, Settings};
+    use foveate_base::files::Nowhere;
+    use std::sync::Arc;
+
+    /// A tracker of which each part learns, and that has lost its target.
+    fn used() -> Engine {
+        let mut it = fresh();
+        (0..10).for_each(|_| step(&mut it));
+        it.reset_at(&target(95.0));
+        (0..20).for_each(|_| step(&mut it));
+        assert!(it.is_searching());
+        it
+    }
+
+    /// The same tracker on its target.
+    fn fresh() -> Engine {
+        let network = Settings::default().read(&Nowhere).expect("it ships");
+        let boxes = BoxRegression::new(Arc::new(network), Settings::default());
+        let distractors = DistractorSettings { reach: 2.0, step: 1.0, remembered: 2, first_frame: true };
+        let mut parts = parts(Toy { learned: Some(Learned::default()), ..Toy::at(50.0) });
+        parts.gaze = parts.gaze.with_policy(Box::new(Hedge::new(Grid::default().gazes(), 0.5).expect("gazes")));
+        parts.monitor = Monitor::new(Default::default(), model())
+            .with_distractors(Some(distractors))
+            .with_short_term(&Default::default(), Some((1.0, 1.0)));
+        let recognition = turning(10).with_alarm().expect("two classes");
+        started(parts.with_recognition(Some(recognition)).with_box_regression(Some(boxes)), 0)
+    }
+
+    fn step(it: &mut Engine) {
+        it.step_on(Scene { image: &picture(), detections: &[] });
+    }
+
+    /// A tracker that starts on a new target continues as one that has never tracked another.
+    #[test]
+    fn a_new_target_resets_everything_that_was_learned() {
+        let (mut used, mut fresh) = (used(), fresh());
+        used.set_visibility(0.7);
+        used.init(&picture(), target(50.0)).expect("a box in the picture");
+        for frame in 0..12 {
+            assert_eq!(used.save(), fresh.save(), "before frame {frame}");
+            step(&mut used);
+            step(&mut fresh);
+        }
+    }
+
+    /// A new template resets what was learned with the old one, and the evidence under it. Policy, class and visible fraction are the
+    /// target's own.
+    #[test]
+    fn a_new_template_resets_the_evidence_under_the_old_one() {
+        let (mut used, fresh) = (used(), fresh());
+        let before = used.save();
+        used.update_template(&picture(), &target(50.0), (2.0, 1.0)).expect("a box in the picture");
+        let after = used.save();
+        for part in ["frame", "context", "visible", "policy", "recognizer"] {
+            assert_eq!(after.part(part), before.part(part), "{part}");
+        }
+        for part in ["consistency", "short_term", "surroundings", "box_regression"] {
+            assert_ne!(before.part(part), fresh.save().part(part), "{part} had learned");
+            assert_eq!(after.part(part), fresh.save().part(part), "{part}");
+        }
+        assert!(used.parts.monitor.loss.seen().is_none(), "nothing is usual yet");
+        assert!(used.is_searching(), "the status is that of the track");
+        let target = used.target().state;
+        assert_eq!((target.x, target.vx, target.vy), (50.0, 2.0, 1.0));
+        let mean = |of: fn(&State) -> f64| used.parts.filter.state.particles.iter().map(of).sum::<f64>() / 50.0;
+        assert!((mean(|it| it.x) - 50.0).abs() < 2.0 && (mean(|it| it.vx) - 2.0).abs() < 1.0);
+    }
+}

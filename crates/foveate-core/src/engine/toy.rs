@@ -8,9 +8,14 @@ use super::{Engine, Filter, GazeControl, Monitor, Parts};
 use crate::control::{Autoregressive, Concentration, ConfidenceModel, ConsistencySettings, OWN, Prior};
 use crate::gaze::Fixed;
 use crate::geometry::{BBox, Extent, Gaze, State};
-use crate::identity::{Appearance, Lesson, Memory, Percept};
+use crate::identity::accumulate::Accumulate;
+use crate::identity::retina::FovealConfig;
+use crate::identity::{Appearance, Foveal, Lesson, Memory, Percept, Recognizer, Retina};
+use crate::recognition::Recognition;
 use crate::reference::ReferenceLikelihood;
+use crate::saved_state::SavedState;
 use crate::scene::Image;
+use foveate_base::Result;
 use foveate_base::rng::Streams;
 
 /// Half the size of the target's box, pixels.
@@ -96,6 +101,48 @@ impl Appearance for Toy {
     }
 }
 
+/// Recognises class 0 in so many looks, and class 1 later.
+struct Turning {
+    looks: usize,
+    after: usize,
+}
+
+impl Recognizer for Turning {
+    fn classes(&self) -> usize {
+        2
+    }
+    fn width(&self) -> usize {
+        foveal().glimpse_len()
+    }
+    fn recognize(&mut self, _: &[f32], _: Gaze, log_p: &mut [f64]) {
+        let class = usize::from(self.looks >= self.after);
+        self.looks += 1;
+        log_p.fill(0.01f64.ln());
+        log_p[class] = 0.99f64.ln();
+    }
+    fn reset(&mut self) {
+        self.looks = 0;
+    }
+    fn save(&self) -> SavedState {
+        SavedState::new(&(self.looks, self.after))
+    }
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
+        (self.looks, self.after) = saved.read()?;
+        Ok(())
+    }
+}
+
+fn foveal() -> Foveal {
+    Foveal::new(FovealConfig::authors()).expect("a retina of the authors")
+}
+
+/// A recogniser that recognises another class after so many looks.
+pub(crate) fn turning(after: usize) -> Recognition {
+    let (retina, policy) = (Arc::new(foveal()), Box::new(Fixed::new(Gaze::CENTRE)));
+    let recognizer = Box::new(Turning { looks: 0, after });
+    Recognition::new(retina, None, recognizer, policy, Accumulate::Sum).expect("parts that fit")
+}
+
 /// A grey picture of 100 x 100 pixels.
 pub(crate) fn picture() -> Image {
     Image::grey(100, 100, 90)
@@ -138,6 +185,7 @@ pub(crate) fn started(parts: Parts, number: u64) -> Engine {
 }
 
 #[test]
-fn the_toy_appearance_conforms() {
+fn the_toys_conform() {
     crate::conformance::appearance(&|| Box::new(Toy::at(30.0)));
+    crate::conformance::recognizer(&|| Box::new(Turning { looks: 0, after: 3 }));
 }

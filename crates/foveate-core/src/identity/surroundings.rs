@@ -65,6 +65,7 @@ impl Surroundings {
     pub(crate) fn clear(&mut self) {
         self.state.oldest = 0;
         for frame in &mut self.state.frames {
+            frame.at_target = 0;
             frame.codes.clear();
             frame.lengths.clear();
         }

@@ -101,7 +101,7 @@ fn what_was_seen_elsewhere_does_not_last_after_a_leap() {
 }
 
 /// Away, frames that fit half: P(lost) stays above `leave`, and they find nothing. They do where the target is seen there, and never where it is
-/// not. While it is tracked, nothing is heard of that.
+/// not. While the target is tracked, this answer is not used.
 #[test]
 fn what_is_seen_there_decides_whether_it_is_found() {
     let box_regression = ReacquisitionWeights { weight: 0.5, bias: 0.5 };
@@ -122,7 +122,7 @@ fn what_is_seen_there_decides_whether_it_is_found() {
     );
     assert!(
         !found(&ConfidenceModel { leave: 0.05, ..ConfidenceModel::default() }, -8.0),
-        "without weight it is not heard"
+        "without weight it is not used"
     );
     let logit = |p: f64| (p / (1.0 - p)).ln();
     assert!((logit(model.returned(0.3, Some(-2.0))) - (logit(0.3) - 0.5)).abs() < 1e-9);
@@ -200,7 +200,7 @@ fn a_frame_that_is_not_judged_goes_on_with_its_p_lost() {
     assert_eq!(held.iter().map(|it| it.status).collect::<Vec<_>>(), [Occluded, Occluded, Lost, Lost]);
 }
 
-/// Where a second opinion is elsewhere P(lost) rises, as the model says; what is acted on goes by the own cues.
+/// If the second tracker is elsewhere, P(lost) rises by the model. The tracker acts on its own cues alone.
 #[test]
 fn a_second_opinion_is_reported_and_not_acted_on() {
     let second_opinion = SecondTrackerWeights { own: 0.5, agreement: -4.0, bias: 1.0 };
@@ -230,6 +230,32 @@ fn a_saved_monitor_continues() {
     assert!(frames[25..].iter().all(|f| c.judge(f) == other.judge(f)));
     let damaged = LossState { p_lost: 1.5, ..c.state };
     assert!(damaged.validate(&()).expect_err("no probability").contains("1.5"));
+}
+
+/// An alarm is a lower bound of P(lost), own and reported, whatever the cues, the second tracker and the box regression indicate. A search
+/// begins under an alarm and does not end under one.
+#[test]
+fn an_alarm_is_a_lower_bound_of_p_lost() {
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -8.0, bias: 0.0 };
+    let absence = AbsenceWeights { rate: 1.0, weight: 1.0, bias: 0.0 };
+    for model in [
+        ConfidenceModel::default(),
+        ConfidenceModel { second_opinion, ..ConfidenceModel::default() },
+        ConfidenceModel { absence, second_opinion, ..ConfidenceModel::default() },
+    ] {
+        let mut c = LossMonitor::new(model);
+        let frame =
+            |alarm: f64| FrameEvidence { alarm, agreement: Some(1.0), absent: Some(-MOST_ODDS), ..shown(-3.0, 0.0) };
+        (0..30).for_each(|_| _ = c.judge(&frame(0.0)));
+        for alarm in [0.4, 0.9] {
+            let it = c.clone().judge(&frame(alarm));
+            assert_eq!((it.own, it.p_lost), (alarm, alarm), "the rest is sure: {:?}", c.last());
+        }
+        (0..10).for_each(|_| _ = c.judge(&frame(0.9)));
+        assert!(c.is_searching() && !c.last().status.is_usable());
+        (0..10).for_each(|_| _ = c.judge(&frame(0.0)));
+        assert!(!c.is_searching() && c.last().status.is_usable());
+    }
 }
 
 /// Whatever comes in: a probability, and finite cues.
