@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use foveate::config::{Blueprint, Config};
+use foveate::extend::SavedState;
 use foveate::files::{Folder, Nowhere};
 use foveate::lab::Digits;
 use foveate::scene::{Detection, Image};
@@ -153,7 +154,7 @@ pub(crate) fn states(bytes: &[u8]) {
 
 /// Whether it is a saved tracker, or many: then it goes on.
 pub(crate) fn goes_on(bytes: &[u8]) -> bool {
-    let Ok(state) = serde_json::from_slice::<serde_json::Value>(bytes) else { return false };
+    let Ok(state) = serde_json::from_slice(bytes) else { return false };
     let start = || one().tracker(1).expect("parts that fit");
     let mut tracker = start();
     let loaded = tracker.load(&state).is_ok();
@@ -186,7 +187,7 @@ pub(crate) fn saved() -> [(&'static str, Vec<u8>); 2] {
         let at = 4.0 + 6.0 * f64::from(t);
         many.add(&picture(t), None, BBox::new(at, at, 8.0, 8.0)).expect("a box in the picture");
     }
-    let text = |state: serde_json::Value| serde_json::to_vec(&state).expect("plain data is JSON");
+    let text = |state: SavedState| state.to_string().into_bytes();
     [("tracker.json", text(tracker.save())), ("many.json", text(many.save()))]
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use foveate::extend::SavedState;
 use foveate::{Error, Image, MultiTracker, Result, Tracker};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
@@ -18,9 +19,9 @@ pub(crate) trait Follows: Send + Sized {
     /// Creates a tracker without a target.
     fn made(making: &Making) -> Result<Self>;
     /// Returns the whole state.
-    fn save(&self) -> Value;
+    fn save(&self) -> SavedState;
     /// Restores a saved state.
-    fn load(&mut self, saved: &Value) -> Result<()>;
+    fn load(&mut self, saved: &SavedState) -> Result<()>;
     /// Observes a picture without tracking in it.
     fn skip(&mut self, image: &Image);
 }
@@ -29,10 +30,10 @@ impl Follows for Tracker {
     fn made(making: &Making) -> Result<Self> {
         making.blueprint.tracker(making.seed)
     }
-    fn save(&self) -> Value {
+    fn save(&self) -> SavedState {
         Tracker::save(self)
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
         Tracker::load(self, saved)
     }
     fn skip(&mut self, image: &Image) {
@@ -44,10 +45,10 @@ impl Follows for MultiTracker {
     fn made(making: &Making) -> Result<Self> {
         making.blueprint.multi_tracker(making.seed)
     }
-    fn save(&self) -> Value {
+    fn save(&self) -> SavedState {
         MultiTracker::save(self)
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
         MultiTracker::load(self, saved)
     }
     fn skip(&mut self, image: &Image) {
@@ -107,7 +108,7 @@ impl<T: Follows> Held<T> {
     /// Returns the whole state as JSON in UTF-8, with the order of a colour picture's bytes.
     pub(crate) fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let text = py.detach(|| {
-            let mut saved = self.working().tracker.save();
+            let mut saved: Value = self.working().tracker.save().read().expect("any JSON");
             saved["channels"] = self.making.channels.name.into();
             saved.to_string()
         });
@@ -125,7 +126,7 @@ impl<T: Follows> Held<T> {
                      tracker with channels=\"{theirs}\"",
                     ours.name
                 ))),
-                None => self.working().tracker.load(&saved),
+                None => self.working().tracker.load(&SavedState::new(&saved)),
             }
         };
         py.detach(take_up).or_raise(py)
@@ -151,7 +152,7 @@ impl<T: Follows> Held<T> {
         let this = Self::new(Making::again(py, &text, folder, seed, &channels)?).or_raise(py)?;
         let restore = || {
             let working = &mut *this.working();
-            working.tracker.load(&parse(&saved)?)?;
+            working.tracker.load(&SavedState::new(&parse(&saved)?))?;
             if let Some((width, height, planes, bytes)) = image {
                 let image = Image::new(width, height, planes, bytes)?;
                 working.tracker.skip(&image);

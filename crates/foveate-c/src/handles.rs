@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use foveate::config::{Blueprint, Config, Configure as _};
+use foveate::extend::SavedState;
 use foveate::files::Folder;
 use foveate::{Image, MultiTracker, Profile, Result as FoveateResult, Tracker};
-use serde_json::Value;
 
 use crate::errors::{Failure, FoveateCode};
 
@@ -30,9 +30,9 @@ pub(crate) trait Follows: Sized + 'static {
     /// Observes a picture without tracking.
     fn skip(&mut self, image: &Image) -> FoveateResult<()>;
     /// Returns the whole state.
-    fn save(&self) -> Value;
+    fn save(&self) -> SavedState;
     /// Restores a saved state.
-    fn load(&mut self, saved: &Value) -> FoveateResult<()>;
+    fn load(&mut self, saved: &SavedState) -> FoveateResult<()>;
 }
 
 impl Follows for Tracker {
@@ -46,10 +46,10 @@ impl Follows for Tracker {
     fn skip(&mut self, image: &Image) -> FoveateResult<()> {
         Tracker::skip(self, image)
     }
-    fn save(&self) -> Value {
+    fn save(&self) -> SavedState {
         Tracker::save(self)
     }
-    fn load(&mut self, saved: &Value) -> FoveateResult<()> {
+    fn load(&mut self, saved: &SavedState) -> FoveateResult<()> {
         Tracker::load(self, saved)
     }
 }
@@ -66,10 +66,10 @@ impl Follows for MultiTracker {
         MultiTracker::skip(self, image);
         Ok(())
     }
-    fn save(&self) -> Value {
+    fn save(&self) -> SavedState {
         MultiTracker::save(self)
     }
-    fn load(&mut self, saved: &Value) -> FoveateResult<()> {
+    fn load(&mut self, saved: &SavedState) -> FoveateResult<()> {
         MultiTracker::load(self, saved)
     }
 }

@@ -1,6 +1,7 @@
 //! The states of parts in a saved tracker.
 
 use std::fmt;
+use std::str::FromStr;
 
 use foveate_base::{Error, Result};
 use serde::de::DeserializeOwned;
@@ -12,7 +13,7 @@ use crate::origin::Origin;
 /// The format number of saved trackers, of one target and of many.
 pub(crate) const FORMAT: u32 = 19;
 
-/// The state of a part: any value that serde can write. Only the part itself interprets it.
+/// The state of a tracker or of a part: any value that serde can write. Only the part itself interprets it. As text it is JSON.
 ///
 /// ```
 /// use foveate_core::extend::SavedState;
@@ -20,6 +21,7 @@ pub(crate) const FORMAT: u32 = 19;
 /// let saved = SavedState::new(&(3, "three"));
 /// assert_eq!(saved.read::<(usize, String)>()?, (3, "three".to_owned()));
 /// assert!(saved.read::<Vec<f64>>().is_err());
+/// assert_eq!(saved.to_string().parse::<SavedState>()?, saved);
 /// # Ok::<(), foveate_core::Error>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -78,10 +80,6 @@ impl SavedState {
         }
         origin.check(&self.part_read("origin")?).map_err(|what| refused("tracker", &what))
     }
-    /// Returns the state as a JSON value.
-    pub(crate) fn into_value(self) -> Value {
-        self.0
-    }
     /// Returns the state of a part of this part; it is empty if there is none of this name.
     pub(crate) fn part(&self, name: &str) -> Self {
         Self(self.0[name].clone())
@@ -103,6 +101,15 @@ impl SavedState {
 /// Returns the error for a saved part that cannot be used.
 pub(crate) fn refused(name: &str, what: &str) -> Error {
     Error::Invalid(format!("the saved {name} cannot be used: {what}"))
+}
+
+/// Reads the JSON text that `to_string` writes.
+impl FromStr for SavedState {
+    type Err = Error;
+    fn from_str(text: &str) -> Result<Self> {
+        let read = serde_json::from_str(text);
+        read.map_err(|error| Error::Invalid(format!("the saved state cannot be used: expected JSON: {error}")))
+    }
 }
 
 /// Formats the value as JSON text.

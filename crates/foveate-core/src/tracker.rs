@@ -217,9 +217,9 @@ impl Tracker {
 
     /// Returns the whole state in mid-video; [`Tracker::load`] resumes from it bit for bit. It excludes the pictures that the detector and
     /// the camera motion compare: show the last picture again with [`Tracker::skip`].
-    pub fn save(&self) -> serde_json::Value {
+    pub fn save(&self) -> SavedState {
         let (origin, shape, ensemble) = (&self.origin, self.shape, self.ensemble.save());
-        json!({ "format": FORMAT, "origin": origin, "shape": shape, "ensemble": ensemble })
+        SavedState::new(&json!({ "format": FORMAT, "origin": origin, "shape": shape, "ensemble": ensemble }))
     }
 
     /// Restores a state that [`Tracker::save`] returned, in a tracker of the same configuration and seed. After an error, set the target
@@ -228,8 +228,7 @@ impl Tracker {
     /// # Errors
     /// [`Error::Invalid`] if it is not a saved tracker, is of another version, or was saved with another configuration or seed: the error
     /// names the settings that differ. The contents of model files are not compared.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        let saved = SavedState::new(saved);
+    pub fn load(&mut self, saved: &SavedState) -> Result<()> {
         saved.check_origin(&self.origin)?;
         self.ensemble.load(&saved.part("ensemble"))?;
         self.shape = saved.part_read("shape")?;

@@ -182,7 +182,7 @@ impl Tracking {
         let saved = self.states.all.range(..=index).next_back().map(|(k, text)| (*k, text.clone()));
         let (from, text) =
             saved.ok_or_else(|| Error::Invalid("the track cannot be taken up there; start anew".into()))?;
-        let state = serde_json::from_str(&text).map_err(|e| Error::Invalid(e.to_string()))?;
+        let state = text.parse()?;
         let frame =
             frames.frame(from)?.ok_or_else(|| Error::Invalid("the video has become shorter; open it again".into()))?;
         let mut tracker = self.setup.blueprint.tracker(self.setup.seed)?;

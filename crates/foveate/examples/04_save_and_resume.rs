@@ -28,7 +28,7 @@ fn main() -> foveate::Result<()> {
     drop(before);
 
     let mut after = new()?;
-    after.load(&serde_json::from_str(&saved).expect("what save gives is JSON"))?;
+    after.load(&saved.parse()?)?;
     resumed.extend(follow(&mut after, &video, 20..40)?);
 
     println!("saved after frame 20: {} KiB of JSON", saved.len() / 1024);

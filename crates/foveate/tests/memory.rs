@@ -1,4 +1,4 @@
-//! How much memory targets take: a counting allocator says so.
+//! How much memory targets take, by a counting allocator.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -61,7 +61,7 @@ fn run(config: &str, n: usize, spread: bool, frames: usize) -> (usize, usize, Du
     }
     assert!(many.targets().len() == n && !many.is_full());
     let (bytes, time) = (LIVE.load(Ordering::Relaxed) - before, began.elapsed() / frames as u32);
-    let saved = if n < 100 { many.save() } else { serde_json::json!({ "active": [] }) };
+    let saved = if n < 100 { many.save().read().expect("any JSON") } else { serde_json::json!({ "active": [] }) };
     let template = |target: &serde_json::Value| {
         let shape =
             target["ensemble"]["trackers"][0]["appearance"]["template"]["image"][0].as_array().expect("three sides");
@@ -78,7 +78,7 @@ fn blueprint(config: &str) -> Blueprint {
     Config { multi_target: Some(settings), ..config }.check(&Nowhere).expect("parts that fit")
 }
 
-/// What a target takes beside its template is what was told, and that is little.
+/// A target takes the estimated memory beside its template, which is little.
 #[test]
 fn a_target_takes_what_was_told() {
     for (config, most) in [("multi", 61_000), ("multi-motion", 300_000), ("multi-boxes", 300_000)] {

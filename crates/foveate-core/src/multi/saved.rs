@@ -99,11 +99,11 @@ impl std::fmt::Debug for MultiTracker {
 
 impl MultiTracker {
     /// Returns the whole state, from which [`MultiTracker::load`] resumes.
-    pub fn save(&self) -> serde_json::Value {
+    pub fn save(&self) -> SavedState {
         let targets = |targets: &[Target]| targets.iter().map(SavedTarget::of).collect();
         let (active, terminated) = (targets(&self.active), targets(&self.terminated));
         let saved = Saved { format: FORMAT, origin: self.origin.clone(), own: Own::of(self), active, terminated };
-        SavedState::new(&saved).into_value()
+        SavedState::new(&saved)
     }
 
     /// Restores a state that `save` returned, in a tracker of the same configuration and seed. Nothing changes on an error.
@@ -111,8 +111,7 @@ impl MultiTracker {
     /// # Errors
     /// [`foveate_base::Error::Invalid`] if these are not saved targets, are of another version, or were saved with another configuration or
     /// seed: the error names the settings that differ.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        let saved = SavedState::new(saved);
+    pub fn load(&mut self, saved: &SavedState) -> Result<()> {
         saved.check_origin(&self.origin)?;
         let Saved { own, active, terminated, .. } = saved.state("targets", &())?;
         let (n, size) = (active.len() + terminated.len(), own.size.unwrap_or_default());

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use foveate::config::{Blueprint, Config};
+use foveate::extend::SavedState;
 use foveate::geometry::BBox;
 use foveate::identity::rbm_encoder::RbmEncoder;
 use foveate::identity::retina::FovealConfig;
@@ -15,6 +16,11 @@ use foveate::rng::Streams;
 use foveate::scene::Image;
 use foveate::video::Frame;
 use rand::RngExt;
+
+/// Returns a saved state as JSON, to look into it or to damage it.
+pub(crate) fn json(saved: &SavedState) -> serde_json::Value {
+    saved.read().expect("any JSON")
+}
 
 /// Where the target of [`frame`] is in frame 0.
 pub(crate) const INIT: BBox = BBox { x: 20.0, y: 30.0, w: 24.0, h: 20.0 };

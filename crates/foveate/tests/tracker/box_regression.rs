@@ -1,9 +1,10 @@
 //! Box regression moves the box that is told, and moves it to the target; what it says of whether the target is there makes a target lost, and
 //! what was learned forgotten. The particles follow its size and shape. Nothing else changes.
 
-use crate::common::{INIT, frame, natural, truth};
+use crate::common::{INIT, frame, json, natural, truth};
 use foveate::Tracker;
 use foveate::config::Config;
+use foveate::extend::SavedState;
 use foveate::files::Folder;
 use foveate::geometry::{BBox, Extent, State};
 use foveate::identity::box_regression::{Answer, BoxRegression, Settings};
@@ -21,7 +22,7 @@ fn tracker(config: Config) -> Tracker {
     config.check(&Folder::here()).and_then(|blueprint| blueprint.tracker(5)).expect("parts that fit")
 }
 
-/// The state told, and all else that follows from a frame.
+/// The reported state, and all else that follows from a frame.
 fn track(settings: &[&str]) -> Vec<(State, String)> {
     let mut tracker = tracker(config(settings));
     tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
@@ -120,7 +121,8 @@ fn particles_follow_the_shape_of_the_target() {
 /// learned before, which may have been something else.
 #[test]
 fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
-    let learned = |tracker: &Tracker| tracker.save()["ensemble"]["trackers"][0]["appearance"]["discriminant"].clone();
+    let learned =
+        |tracker: &Tracker| json(&tracker.save())["ensemble"]["trackers"][0]["appearance"]["discriminant"].clone();
     let start = |settings: &[&str]| {
         let mut tracker = tracker(config(settings));
         tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
@@ -138,9 +140,9 @@ fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
     let gone = ["short_term=none", "confidence.absence.weight=1", "confidence.absence.bias=24"];
     let mut misled = start(&gone);
     // A state goes on in a tracker of its own settings alone; this one is given those of the other.
-    let mut saved = tracked.save();
-    saved["origin"] = misled.save()["origin"].clone();
-    misled.load(&saved).expect("the same parts");
+    let mut saved = json(&tracked.save());
+    saved["origin"] = json(&misled.save())["origin"].clone();
+    misled.load(&SavedState::new(&saved)).expect("the same parts");
     // The status follows from P(lost) at once; the search begins two frames later.
     assert!(run(&mut misled, 9..10));
     assert_eq!(learned(&misled), learned(&tracked), "what is doubted is not learned");
@@ -252,9 +254,9 @@ fn what_does_not_fit_is_refused() {
         ("correction", serde_json::json!({ "frames": 1, "mean": [0.0, 7.0, 0.0, 0.0] }), "it moves the box"),
         ("histograms", serde_json::json!({ "first": "", "recent": "" }), "histograms"),
     ] {
-        let mut saved = start(config(&[])).save();
+        let mut saved = json(&start(config(&[])).save());
         saved["ensemble"]["trackers"][0]["box_regression"][key] = value;
-        let error = start(config(&[])).load(&saved).expect_err("damaged").to_string();
+        let error = start(config(&[])).load(&SavedState::new(&saved)).expect_err("damaged").to_string();
         assert!(error.contains(said), "{error}");
     }
 }

@@ -33,7 +33,7 @@ fn track(mut tracker: Tracker) -> Vec<(BBox, f64, Status)> {
     (1..FRAMES).map(step).collect()
 }
 
-/// On a target that nobody loses, no member hears of the others.
+/// On a target that no member loses, each member tracks as it would alone.
 #[test]
 fn the_members_are_trackers_alone_and_vote() {
     let together = track(of(MEMBERS).tracker(SEED).expect("parts that fit"));
@@ -71,7 +71,7 @@ fn one_cannot_go_on_as_several() {
         tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
         tracker.save()
     };
-    let refused = |members, saved: &serde_json::Value| {
+    let refused = |members, saved: &foveate::extend::SavedState| {
         let mut tracker = of(members).tracker(SEED).expect("parts that fit");
         match tracker.load(saved).expect_err("another committee") {
             Error::Invalid(why) => why,

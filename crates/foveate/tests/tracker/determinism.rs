@@ -1,9 +1,10 @@
 //! Nothing but seed, configuration and video changes a track: not threads, observers, other targets, or a pause.
 
-use crate::common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, truth};
+use crate::common::{INIT, POLICIES, blueprint, frame, json, learning_for_now, natural, truth};
 use foveate::Seen;
 use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
+use foveate::extend::SavedState;
 use foveate::files::Folder;
 use foveate::report::{Observer, Table, Trace};
 use foveate::video::Frame;
@@ -156,7 +157,7 @@ fn there_is_something_to_save_of_what_is_learned_for_now() {
     let (frames, blueprint) = (frames(), learning_for_now(PARTICLES));
     let mut tracker = started(&blueprint, 0, &frames);
     let with = go(&mut tracker, &frames[1..]);
-    let learned = &tracker.save()["ensemble"]["trackers"][0]["appearance"]["discriminant"]["short_term"];
+    let learned = &json(&tracker.save())["ensemble"]["trackers"][0]["appearance"]["discriminant"]["short_term"];
     assert!(!learned.is_null(), "nothing was learned for now");
     let config = blueprint.config().clone().set("short_term.threshold=0").and_then(|c| c.set("short_term.gate=0"));
     let without = config.and_then(|c| c.check(&Folder::here())).expect("a good configuration");
@@ -278,9 +279,10 @@ fn what_does_not_fit_is_refused() {
     let blueprint = blueprint(POLICIES[3], false, 1.0, false, 20);
     let saved = started(&blueprint, 0, &frames).save();
     let refuse = |key: &str, value: serde_json::Value, words: &str| {
-        let mut saved = saved.clone();
+        let mut saved = json(&saved);
         *saved.pointer_mut(key).expect("it is there") = value;
-        let error = blueprint.tracker(5).expect("parts that fit").load(&saved).expect_err(key).to_string();
+        let error =
+            blueprint.tracker(5).expect("parts that fit").load(&SavedState::new(&saved)).expect_err(key).to_string();
         assert!(error.contains(words), "{error}");
     };
     refuse("/format", 99.into(), "format is 99");

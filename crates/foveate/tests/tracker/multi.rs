@@ -1,11 +1,13 @@
 //! Many targets: identities through crossings, initiation, termination, re-identification, and targets far away that change
 //! nothing.
 
+use crate::common::json;
 use foveate::files::Folder;
 
 use foveate::Seen;
 use foveate::config::Config;
 use foveate::control::CameraMotion;
+use foveate::extend::SavedState;
 use foveate::geometry::BBox;
 use foveate::multi::{MultiTracker, Phase};
 use foveate::rng::{Purpose, Streams};
@@ -228,10 +230,10 @@ fn saved_targets_go_on_bit_for_bit() {
         let [one, two] = [&mut one, &mut two].map(|tracker| tracker.update(&picture, &detections).expect("a picture"));
         assert_eq!(one, two, "frame {t}");
     }
-    assert!(tracker(2).load(&serde_json::json!({ "format": 99 })).is_err());
-    let mut damaged = saved;
+    assert!(tracker(2).load(&SavedState::new(&serde_json::json!({ "format": 99 }))).is_err());
+    let mut damaged = json(&saved);
     damaged["active"][0]["track"]["covariance"][0][0] = serde_json::json!(-25.0);
-    let error = tracker(2).load(&damaged).expect_err("no variance").to_string();
+    let error = tracker(2).load(&SavedState::new(&damaged)).expect_err("no variance").to_string();
     assert!(error.contains("less than 0"), "{error}");
 }
 
@@ -251,9 +253,9 @@ fn saved_frame_numbers_that_cannot_be_are_refused() {
         ("/tentative/candidates/0/last", 1u64 << 60, "expected first <= last <= `next`, 12"),
         ("/tentative/candidates/0/hits", 0, "0 detections"),
     ] {
-        let mut damaged = saved.clone();
+        let mut damaged = json(&saved);
         *damaged.pointer_mut(key).unwrap_or_else(|| panic!("{key} in {saved}")) = value.into();
-        let said_instead = tracker(1).load(&damaged).expect_err(key).to_string();
+        let said_instead = tracker(1).load(&SavedState::new(&damaged)).expect_err(key).to_string();
         assert!(said_instead.contains(said), "{key}: {said_instead}");
     }
     tracker(1).load(&saved).expect("undamaged");

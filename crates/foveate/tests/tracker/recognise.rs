@@ -1,11 +1,12 @@
-//! Recognition stands beside the filter: it says what the target is called, and changes no bit of the track.
+//! Recognition stands beside the filter: it reports the class of the target, and changes no bit of the track.
 
 use foveate::files::Folder;
 use std::path::Path;
 
-use crate::common::{INIT, POLICIES, blueprint, frame, random_recogniser, with_recogniser};
+use crate::common::{INIT, POLICIES, blueprint, frame, json, random_recogniser, with_recogniser};
 use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
+use foveate::extend::SavedState;
 use foveate::video::Frame;
 
 const RULES: [&str; 3] = ["\"sum\"", "\"count\"", "{ forgetting = { memory = 4.0 } }"];
@@ -87,13 +88,13 @@ fn what_is_recognised_survives_a_pause_and_is_forgotten_with_the_target() {
             // A recogniser is a setting as others are.
             let error = raw(POLICIES[2]).tracker(5).expect("fits").load(&first.save()).expect_err("none").to_string();
             assert!(error.contains("recogniser is set in the state and not set in this tracker"), "{error}");
-            let mut damaged = first.save();
+            let mut damaged = json(&first.save());
             damaged["ensemble"]["trackers"][0]["recognizer"]["evidence"]["evidence"] = serde_json::json!([1.0]);
-            assert!(later.load(&damaged).expect_err("one class").to_string().contains("3 classes"));
-            let mut damaged = first.save();
+            assert!(later.load(&SavedState::new(&damaged)).expect_err("one class").to_string().contains("3 classes"));
+            let mut damaged = json(&first.save());
             assert_eq!(!damaged["ensemble"]["trackers"][0]["recognizer"]["alarm"].is_null(), looking == ALARMING);
             damaged["ensemble"]["trackers"][0]["recognizer"]["alarm"] = serde_json::json!({ "accumulator": "gone" });
-            assert_eq!(later.load(&damaged).is_err(), looking == ALARMING);
+            assert_eq!(later.load(&SavedState::new(&damaged)).is_err(), looking == ALARMING);
             whole.init(&frames[0].image, INIT).expect("a box in the picture");
             let again = whole.update(&frames[1].image).expect("a picture of the first size");
             assert!(rule != RULES[1] || again.classes.contains(&1.0), "one frame, one vote: {:?}", again.classes);

@@ -1,7 +1,7 @@
 //! What no other test would miss: detections weigh particles, what is covered counts for less, and nothing is learned where the
 //! evidence does not fit.
 
-use crate::common::{INIT, frame};
+use crate::common::{INIT, frame, json};
 use foveate::config::Config;
 use foveate::control::Status;
 use foveate::geometry::BBox;
@@ -125,7 +125,8 @@ fn detections_weigh_particles_that_are_drawn_again() {
 #[test]
 fn nothing_is_learned_where_the_evidence_does_not_fit() {
     let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));
-    let learned = |tracker: &Tracker| tracker.save()["ensemble"]["trackers"][0]["appearance"]["discriminant"].clone();
+    let learned =
+        |tracker: &Tracker| json(&tracker.save())["ensemble"]["trackers"][0]["appearance"]["discriminant"].clone();
     let mut tracker = tracker(&["discriminant.gate=2.0"]); // so that only the consistency decides
     let before = learned(&tracker);
     assert!(!before.is_null());

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use foveate::extend;
 use foveate::video::SourceInfo;
 use foveate::{Error, Result, files};
 
@@ -13,7 +14,7 @@ pub(super) struct SavedState {
     pub source: String,
     /// Width and height of the tracked pictures.
     pub size: [usize; 2],
-    pub tracker: serde_json::Value,
+    pub tracker: extend::SavedState,
 }
 
 /// Returns the last component of a path or an address.
@@ -28,7 +29,7 @@ impl SavedState {
         path: &Path,
         (source, about): (&Path, &SourceInfo),
         next_frame: usize,
-        tracker: serde_json::Value,
+        tracker: extend::SavedState,
     ) -> Result<()> {
         let saved = Self { next_frame, source: video_name(source), size: [about.width, about.height], tracker };
         let text = serde_json::to_string(&saved).map_err(|e| Error::Invalid(e.to_string()))?;
