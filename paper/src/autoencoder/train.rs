@@ -196,6 +196,7 @@ impl Trainer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use foveate::learn::training::interrupted;
 
     fn rows(n: usize) -> Vec<f32> {
         let mut rng = Streams::new(4, 0).rng(0);
@@ -250,17 +251,7 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let path = dir.path().join("c.checkpoint");
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads");
-        let mut cut = Trainer::new(recipe.clone(), all).expect("good rows");
-        for step in 0.. {
-            if cut.is_done() {
-                break;
-            }
-            if step % 37 == 36 {
-                cut.save(&path, "abc").expect("a writable folder");
-                cut = Trainer::resume(&path, recipe.clone(), all, "abc").expect("just written");
-            }
-            pool.install(|| cut.step(all));
-        }
+        let cut: Trainer = pool.install(|| interrupted(&recipe, all, 37, &path)).expect("good rows");
         assert_eq!((cut.learned(), cut.progress()), (whole.learned(), (15, 0)));
         assert!(Trainer::resume(&path, recipe.clone(), all, "def").is_err());
         assert!(Trainer::resume(&path, Recipe { mask: 0.1, ..recipe }, all, "abc").is_err());

@@ -5,7 +5,7 @@ use super::hmc::Potential;
 use super::recipe::Pooling;
 use super::*;
 use foveate::learn::rbm::Metadata;
-use foveate::learn::training::Training;
+use foveate::learn::training::{Training, interrupted};
 use foveate::rng::Streams;
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
@@ -173,17 +173,7 @@ fn a_resumed_training_ends_with_the_same_bits_for_any_number_of_threads() {
             whole.step(rows);
         }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads");
-        let mut cut = Trainer::new(recipe.clone(), rows).expect("good rows");
-        for step in 0.. {
-            if cut.is_done() {
-                break;
-            }
-            if step % 3 == 2 {
-                cut.save(&path, "abc").expect("a writable folder");
-                cut = Trainer::resume(&path, recipe.clone(), rows, "abc").expect("just written");
-            }
-            pool.install(|| cut.step(rows));
-        }
+        let cut: Trainer = pool.install(|| interrupted(&recipe, rows, 3, &path)).expect("good rows");
         assert_eq!((cut.learned(), cut.progress(), cut.leapfrog()), (whole.learned(), (4, 0), whole.leapfrog()));
         assert_eq!(cut.chains, whole.chains);
     }

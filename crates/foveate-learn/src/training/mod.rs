@@ -116,6 +116,25 @@ pub trait Training: Sized {
     }
 }
 
+/// Trains as [`Training::step`] does, but saves a checkpoint before every `every`-th step and continues from it: the result of an
+/// interrupted training, for tests.
+///
+/// # Errors
+/// As [`Training::new`], [`Training::save`] and [`Training::resume`].
+pub fn interrupted<T: Training>(recipe: &T::Recipe, data: T::Data<'_>, every: usize, path: &Path) -> Result<T> {
+    let mut training = T::new(recipe.clone(), data)?;
+    let mut steps = 0;
+    while !training.is_done() {
+        steps += 1;
+        if steps % every == 0 {
+            training.save(path, "abc")?;
+            training = T::resume(path, recipe.clone(), data, "abc")?;
+        }
+        training.step(data);
+    }
+    Ok(training)
+}
+
 /// Implements [`Training`]'s access to the fields `recipe` and `state`.
 #[doc(hidden)]
 #[macro_export]

@@ -1,6 +1,6 @@
 //! The checkpoints of an RBM's trainer.
 
-use super::Training;
+use super::{Training, interrupted};
 use crate::rbm::{Negative, Recipe, Sparsity, Trainer, Visible};
 use foveate_base::rows::Rows;
 use std::path::Path;
@@ -24,18 +24,7 @@ fn resumed_training_ends_with_the_same_bits() {
         while !whole.is_done() {
             whole.step(rows);
         }
-        // Cut after every third batch.
-        let mut cut = Trainer::new(recipe.clone(), rows).expect("good data");
-        for step in 0.. {
-            if cut.is_done() {
-                break;
-            }
-            if step % 3 == 2 {
-                cut.save(&path, "abc").expect("a writable folder");
-                cut = Trainer::resume(&path, recipe.clone(), rows, "abc").expect("just written");
-            }
-            cut.step(rows);
-        }
+        let mut cut: Trainer = interrupted(&recipe, rows, 3, &path).expect("good data");
         assert_eq!((cut.learned(), cut.progress()), (whole.learned(), (4, 0)));
         assert_eq!(cut.parts(), whole.parts());
     }

@@ -3,7 +3,7 @@
 use super::gradient::{Work, gradient};
 use super::parameters::{Parameters, Shape};
 use super::*;
-use crate::training::Training;
+use crate::training::{Training, interrupted};
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::Rows;
 use rand::RngExt;
@@ -241,14 +241,7 @@ fn resumed_training_ends_with_the_same_bits_for_any_number_of_threads() {
         };
         let whole = run(1);
         assert!(whole == run(3), "threads change nothing");
-        let mut cut = Trainer::new(recipe.clone(), data).expect("they fit");
-        while !cut.is_done() {
-            cut.step(data);
-            if cut.progress().1 % 2 == 1 {
-                cut.save(&path, "abc").expect("a writable folder");
-                cut = Trainer::resume(&path, recipe.clone(), data, "abc").expect("just written");
-            }
-        }
+        let cut: Trainer = interrupted(&recipe, data, 2, &path).expect("they fit");
         assert!(cut.learned().expect("finite") == whole);
         let why = |recipe: &Recipe, sha: &str| {
             Trainer::resume(&path, recipe.clone(), data, sha).expect_err("refused").to_string()
@@ -330,7 +323,7 @@ fn recipes_and_data_that_cannot_be_are_refused() {
     assert!(Trainer::new(two, data).is_err(), "a label of 2");
 }
 
-/// A diverging training says so.
+/// A diverging training is an error.
 #[test]
 fn divergence_is_an_error() {
     let (x, z, y) = patterns(40, 1);
