@@ -81,7 +81,7 @@ fn model<M>(weights: &str, site: &EncoderSite<'_>, from_bytes: Reader<M>) -> Res
         .map_err(|e| Error::malformed(path, format!("its metadata does not describe a retina ({e}); retrain it")))?;
     if site.given.as_ref().is_some_and(|given| *given != trained) {
         return Err(Error::Config(format!(
-            "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
+            "{weights} was trained with the retina {}, but the configuration has another; leave out [retina], or retrain",
             metadata.retina
         )));
     }

@@ -1,4 +1,4 @@
-"""Follow many targets with a detector of your own: here one that knows where they are, and sometimes misses them."""
+"""Follow many targets with a detector of your own: here one that reads the true places, and sometimes misses one."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,4 +1,4 @@
-"""Folders, and addresses that the package fsspec knows, such as ``s3://bucket/runs``: where videos come from and results go to."""
+"""Folders, and addresses that the package fsspec supports, such as ``s3://bucket/runs``: where videos come from and results go to."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class _Arms:
 
 
 class Hedge(_Arms):
-    """Full information: it is told what every arm would have been worth (section 4.2 of the paper).
+    """Full information: it receives the reward of every arm (section 4.2 of the paper).
 
     Its regret against the best single arm over T steps is at most sqrt(T ln k / 2), whatever the rewards.
 
@@ -93,7 +93,7 @@ class Hedge(_Arms):
 
 
 class Exp3(_Arms):
-    """Partial information: it is told what the chosen arm was worth (section 4.3; Auer et al. 2002).
+    """Partial information: it receives the reward of the chosen arm (section 4.3; Auer et al. 2002).
 
     Its expected regret against the best single arm over T steps is at most 2 sqrt((e - 1) T k ln k).
 
@@ -118,7 +118,7 @@ class Exp3(_Arms):
     def tell(self, arm: int, reward: float) -> None:
         """What the arm that was asked for is worth, 0 to 1."""
         if arm != getattr(self, "_asked", arm):
-            raise InputError(f"EXP3 learns from the arm that ask answered, {self._asked}; it was told of arm {arm}")
+            raise InputError(f"EXP3 learns from the arm that ask returned, {self._asked}; tell was called with arm {arm}")
         self._policy.tell(_rewards([reward]))
 
 

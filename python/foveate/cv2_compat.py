@@ -9,7 +9,7 @@
 >>> ok, frame[y : y + h, x : x + w].shape == (h, w, 3)
 (True, True)
 
-:class:`foveate.Tracker` says more: status, P(lost), covariance, particles.
+:class:`foveate.Tracker` returns more: status, P(lost), covariance, particles.
 """
 
 from __future__ import annotations

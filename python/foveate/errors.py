@@ -1,4 +1,4 @@
-"""What can go wrong. Every text says what was expected, what was found, and what to do."""
+"""The errors of the package. Every text states what was expected, what was found, and what to do."""
 
 
 class Error(Exception):

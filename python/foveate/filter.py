@@ -47,7 +47,7 @@ class Belief(NamedTuple):
 def resample(
     weights: npt.ArrayLike, count: int | None = None, scheme: Scheme = "systematic", seed: int = 1, step: int = 0
 ) -> npt.NDArray[np.int64]:
-    """For each of ``count`` places (as many as weights unless told), the index of the particle that takes it; ascending.
+    """For each of ``count`` places (default: as many as weights), the index of the particle that takes it; ascending.
 
     Every scheme is unbiased: particle i gets count * w_i places on average. ``seed`` and ``step`` name the draws.
 
@@ -104,7 +104,7 @@ class ParticleFilter:
             raise InputError(f"particles is at least 1 and below 0 to 1; they are {particles} and {below}")
         self._transition, self._log_likelihood = transition, log_likelihood
         self._scheme, self._below, self._seed = scheme, below, seed
-        resample([1.0], 1, scheme, seed)  # what is wrong with them is said at once
+        resample([1.0], 1, scheme, seed)  # raises the errors of these arguments at once
         self._rng, self._step = np.random.default_rng(seed), 0
         self.particles = self._checked("start", start(particles, self._rng), particles)
         self.weights = np.full(particles, 1 / particles)

@@ -10,7 +10,7 @@ which appears when everything is whole: a second call passes over videos that ha
 ``OUT/failures.txt`` lists videos that failed, with their errors; the exit status is 1 then. The first box of ``NAME.mp4`` is the first line of ``NAME.txt`` beside it,
 where ``--init`` is not given. A video that ``foveate track`` refuses is not tried again, for it would be refused again.
 
-``'s3://bucket/*.mp4'`` and other addresses that the package fsspec knows work, too, for videos and for ``--out``: each task copies its
+``'s3://bucket/*.mp4'`` and other addresses that the package fsspec supports work, too, for videos and for ``--out``: each task copies its
 video to its machine, and its results from there when they are whole, the summary last.
 
 ``eval``: a task for each of ``--parts`` parts of the runs (``--shard``), which keep them in ``OUT/runs``; then the

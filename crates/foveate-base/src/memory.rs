@@ -3,8 +3,8 @@
 //! Code that allocates according to a file or a setting first calls [`check`]. A picture that claims 16384 × 16384
 //! pixels, a million particles or ten thousand targets then give an error instead of an out-of-memory kill. The limit
 //! holds for the whole process and never changes a result. It applies to an estimate of the largest parts: pictures
-//! in all their copies, particles, targets. The check also asks the operating system, because a later failed
-//! allocation would abort the program.
+//! in all their copies, particles, targets. The check also reserves the memory for a moment, because a
+//! later failed allocation would abort the program.
 
 use std::hint::black_box;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -83,7 +83,7 @@ pub fn check(what: impl std::fmt::Display, bytes: u64) -> Result<()> {
 fn given(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
     let mut room = Vec::<u8>::new();
     let taken = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
-    // The compiler may leave out memory that nobody sees.
+    // Otherwise the compiler may remove the unused allocation.
     black_box(&room);
     if taken {
         return Ok(());

@@ -52,7 +52,7 @@ static COUNTING: Counting = Counting;
 
 /// What takes less than this needs no closer look.
 const CERTAIN: Duration = Duration::from_millis(100);
-/// Bytes that an execution may take, and the limit that it is told.
+/// Bytes that an execution may take, and the limit that it is given.
 const MOST: usize = 300 << 20;
 const LIMIT: u64 = 200 << 20;
 

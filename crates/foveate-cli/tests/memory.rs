@@ -17,7 +17,7 @@ const MOST: u64 = 300;
 /// An optimised build takes a tenth of it; tests may run on a busy machine.
 const LONGEST: Duration = Duration::from_secs(8);
 
-/// A run, which must end in time and in little memory; what it said, and whether all went well.
+/// A run, which must end in time and in little memory; its output, and whether it succeeded.
 fn bounded(place: &Place, args: &[&str]) -> (bool, String) {
     let args = [args, &["--max-memory", ALLOWED]].concat();
     let began = Instant::now();

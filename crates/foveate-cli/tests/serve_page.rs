@@ -33,7 +33,7 @@ fn open(dir: &Path, options: &[&str]) -> Result<(Browser, Server), String> {
     Ok((browser, server))
 }
 
-/// A file by http: the page plays it, tracks it, and says where it ended.
+/// A file by http: the page plays it, tracks it, and shows where it ended.
 #[test]
 fn the_end_of_a_file_by_http_is_shown() {
     need!(ffmpeg());
@@ -77,7 +77,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     browser.click("#go");
     track(&mut browser);
     browser.picture("tracked");
-    // What the curve's shades mean, and a figure's unusual words, are said on the page.
+    // The page explains the shades of the curve and the terms of a figure.
     for word in ["occluded or lost: do not use the box", "Effective particles.", "How many particles share the weight"]
     {
         assert_eq!(browser.value(&format!("document.body.innerHTML.includes('{word}')")), json!(true), "{word}");
@@ -139,7 +139,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     }
     browser.until("byId('command').textContent.includes('--reinit 15:')");
 
-    // A policy that learns is shown; so is what the fovea sees.
+    // A policy that learns is shown; so is the content of the fovea.
     browser.value("byId('policy').value = 'hedge', byId('scrub').value = 1, byId('scrub').dispatchEvent(new Event('input')), true");
     browser.until("shown.frame === 1");
     browser.draw(truth(0));

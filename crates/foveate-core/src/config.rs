@@ -1,7 +1,7 @@
-//! Names → modules: the only file that knows every implementation.
+//! Names → modules: the only file that names every implementation.
 //!
-//! A configuration is TOML. A misspelled key or name, or a number out of range, is answered with the line, the
-//! column and what would have been right. Lengths are in template units (1 = half the target's box) a frame, so
+//! A configuration is TOML. A misspelled key or name, or a number out of range, gives an error with the line, the
+//! column and the valid values. Lengths are in template units (1 = half the target's box) a frame, so
 //! that one configuration serves targets of every size.
 
 use std::path::Path;
@@ -179,7 +179,7 @@ impl Config {
         }
         if self.sensor.is_some() && self.policy.rehearses() {
             return Err(Error::Config(
-                "policy.rehearsal: behind a sensor a gaze tells nothing before it was read; use policy.saliency, or leave [sensor] out"
+                "policy.rehearsal: behind a sensor a gaze has no reward before it was read; use policy.saliency, or leave [sensor] out"
                     .into(),
             ));
         }
@@ -219,7 +219,7 @@ impl Config {
     }
 }
 
-/// Whether a retina at the centre of the box sees all of it: then a sensor's gaze need not move it.
+/// Returns whether a retina at the centre of the box covers all of it: then a sensor's gaze need not move it.
 fn covers_the_box(retina: &Foveal) -> bool {
     retina.footprints().iter().any(|f| f.reach + 0.5 * f.side >= 1.0)
 }

@@ -1,5 +1,5 @@
 //! Several trackers follow one target. A *voter* has a vote on the reported box and on P(lost) (`control/confidence/vote.rs`). Each voter may
-//! have a *second tracker*, which sees another part of the target and has no vote: the voter compares the two boxes inside its step
+//! have a *second tracker*, which reads another part of the target and has no vote: the voter compares the two boxes inside its step
 //! (`engine/second.rs`). With one voter the result is that of a single tracker.
 //!
 //! A voter that has lost the target while the majority tracks it restarts at the elected box. It keeps its own template, so that it

@@ -1,7 +1,7 @@
-//! Networks that others trained, from ONNX files; tract runs them, on the thread that asks.
+//! Networks that others trained, from ONNX files; tract runs them, on the thread of the caller.
 //!
 //! Shapes are fixed when a file is read: batch, planes and sides of the input, and all that follows from them. The peak of
-//! memory is known then, and is asked of the limit before anything is computed. What tract makes of a stranger's file is caught: an
+//! memory is known then, and is compared with the limit before anything is computed. What tract makes of a stranger's file is caught: an
 //! error or a panic of it is an error of the file.
 
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use tract_onnx::tract_hir::internal::DimLike;
 
 use foveate_base::{Error, Result, memory, quiet};
 
-/// A file that was read, and what it says of its input.
+/// A file that was read, and the shape of its input.
 pub(crate) struct Graph {
     model: InferenceModel,
     path: PathBuf,
@@ -102,7 +102,7 @@ impl Graph {
         let (kind, output) = found.map_err(cannot)?;
         let Some(output) = output else {
             return Err(self.error(
-                "the sides of its output depend on what it sees; export it without what chooses among boxes (nms=False)",
+                "the sides of its output depend on its input; export it without what chooses among boxes (nms=False)",
             ));
         };
         if kind != f32::datum_type() || output.iter().product::<usize>() == 0 {

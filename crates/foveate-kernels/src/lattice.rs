@@ -75,7 +75,7 @@ fn oriented_halves_body<const V: u8>(cells: &[f32], columns: usize, gradients: &
                 for (k, gradients) in gradients.as_chunks_mut().0.iter_mut().enumerate() {
                     let corner = 2 * j * width + strip * WIDTH + k * avx::COLUMNS;
                     let cells = avx::Cells::new::<2>(&cells[corner..], width);
-                    // SAFETY: `V` says that the caller is compiled for AVX and FMA, and runs only where they are there.
+                    // SAFETY: by `V` the caller is compiled for AVX and FMA, and runs only where they are there.
                     unsafe {
                         avx::half_blocks(&cells.gradients::<2>(), gradients);
                         cells.squares(0, &mut grey.as_chunks_mut().0[k]);

@@ -103,7 +103,7 @@ pub(crate) fn reciprocal_root<const V: u8>(x: &[f32; 16]) -> [f32; 16] {
     if V >= AVX512 {
         use std::arch::x86_64::*;
         let mut y = [0.0; 16];
-        // SAFETY: `V` says that the caller is compiled for AVX-512, and runs only where it is there. 14 bits and one
+        // SAFETY: by `V` the caller is compiled for AVX-512, and runs only where it is there. 14 bits and one
         // step of Newton's method.
         unsafe {
             let x = _mm512_loadu_ps(x.as_ptr());

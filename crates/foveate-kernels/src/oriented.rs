@@ -122,7 +122,7 @@ fn sum_strip<const V: u8>(
     if V == FUSED {
         for (k, strip) in strip.as_chunks_mut().0.iter_mut().enumerate() {
             let cells = avx::Cells::new::<BLOCK>(&patch[k * avx::COLUMNS..], stride);
-            // SAFETY: `V` says that the caller is compiled for AVX and FMA, and runs only where they are there.
+            // SAFETY: by `V` the caller is compiled for AVX and FMA, and runs only where they are there.
             unsafe {
                 avx::blocks(&cells.gradients::<BLOCK>(), strip);
                 for (half, fours) in fours.iter_mut().enumerate() {
@@ -156,7 +156,7 @@ fn across<const V: u8>(sums: &[[f32; WIDTH]; DIRECTIONS]) -> [f32; AT_ONCE * DIR
     #[cfg(target_arch = "x86_64")]
     if V >= AVX512 {
         use std::arch::x86_64::*;
-        // SAFETY: `V` says that the caller is compiled for AVX-512, and runs only where it is there.
+        // SAFETY: by `V` the caller is compiled for AVX-512, and runs only where it is there.
         unsafe {
             // Four directions of four columns become four columns of four directions, in each quarter, which is a block.
             let mut halves = [_mm512_setzero_ps(); 2];

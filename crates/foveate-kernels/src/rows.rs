@@ -78,7 +78,7 @@ fn byte_products_body<const V: u8>(rows: &[i8], x: &[i8], out: &mut [i32]) {
         #[cfg(target_arch = "x86_64")]
         if V >= AVX512 && n.is_multiple_of(ENTRIES) && rows.len() == ROWS * n && out.len() == ROWS {
             use std::arch::x86_64::*;
-            // SAFETY: `V` says that the caller is compiled for AVX-512, and runs only where it is there.
+            // SAFETY: by `V` the caller is compiled for AVX-512, and runs only where it is there.
             let mut sums = [unsafe { _mm512_setzero_si512() }; ROWS];
             for (k, x) in x.as_chunks::<ENTRIES>().0.iter().enumerate() {
                 // SAFETY: as above; each read is of 32 bytes of a slice.

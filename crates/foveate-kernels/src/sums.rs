@@ -43,7 +43,7 @@ fn filled<const V: u8>(rest: &[f32]) -> [f32; LANES] {
     if V >= crate::level::AVX512 {
         use std::arch::x86_64::*;
         let first = rest.len().min(16);
-        // SAFETY: `V` says that the caller is compiled for AVX-512, and runs only where it is there; the masks have as
+        // SAFETY: by `V` the caller is compiled for AVX-512, and runs only where it is there; the masks have as
         // many bits as there are values, and `all` has room for them.
         unsafe {
             let (low, high) = ((1u32 << first) - 1, (1u32 << (rest.len().min(LANES) - first)) - 1);
@@ -56,7 +56,7 @@ fn filled<const V: u8>(rest: &[f32]) -> [f32; LANES] {
     if V == crate::level::FUSED {
         use std::arch::x86_64::*;
         // A copy of a length that is not known is a call.
-        // SAFETY: `V` says that the caller is compiled for AVX, and runs only where it is there; of a vector those values are read
+        // SAFETY: by `V` the caller is compiled for AVX, and runs only where it is there; of a vector those values are read
         // that there are.
         unsafe {
             let place = _mm256_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0);

@@ -63,7 +63,7 @@ fn taps_rows_body<const V: u8>(
     {
         for (r, map) in maps.iter().enumerate() {
             let out = &mut out[r * stride..][..du.len()];
-            // SAFETY: `V` says that the processor has AVX-512, and the plane has been checked.
+            // SAFETY: by `V` the processor has AVX-512, and the plane has been checked.
             if !unsafe { grid.read::<V>(&plane, map, out) } {
                 scattered::<V>(&plane, &[*map], du, dv, out, stride);
             }

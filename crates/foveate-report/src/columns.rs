@@ -311,7 +311,7 @@ pub const TRACE: &[Column] = &[
     Column::new(
         "consistency.is_informative",
         "",
-        "Whether frame 1 tells the target from other places. If not, ignore the deficits.",
+        "Whether frame 1 separates the target from other places. If not, ignore the deficits.",
     ),
     Column::new("confidence.p_lost", "", P_LOST),
     Column::new("confidence.own", "", "The same without the second tracker; the search and the learning use it."),

@@ -142,7 +142,7 @@ impl SideBySide {
         Ok(Self { video: Video::create(path.into(), info)?, annotators, name, others, truth: info.truth.clone() })
     }
 
-    /// Adds all panes with their names; `said` is written at the right end of each name's line.
+    /// Adds all panes with their names; the text of a pane is written at the right end of each name's line.
     fn push(&mut self, panes: &[(Image, String)], time: f64) -> Result<()> {
         let height = panes.iter().map(|(pane, _)| pane.height()).max().unwrap_or(0);
         // Even dimensions, as H.264 requires.
@@ -152,11 +152,11 @@ impl SideBySide {
         let (pad, size) = (0.32 * strip as f64, 0.36 * strip as f64);
         let names = std::iter::once(&*self.name).chain(self.others.iter().map(|(_, baseline)| baseline.name()));
         let mut at = 0;
-        for ((pane, said), name) in panes.iter().zip(names) {
+        for ((pane, status), name) in panes.iter().zip(names) {
             page.paste(pane, at, strip, pane.width(), pane.height());
             page.text((at as f64 + pad, pad), name, size, [236, 238, 240]);
             let end = (at + pane.width()) as f64 - pad;
-            page.text((end - text_width(said, size), pad), said, size, [236, 238, 240]);
+            page.text((end - text_width(status, size), pad), status, size, [236, 238, 240]);
             at += pane.width() + gap;
         }
         self.video.push(&page.into_image(), time)

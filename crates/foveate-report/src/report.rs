@@ -131,7 +131,7 @@ impl Report {
 impl Observer for Report {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         let row = self.page.frame(frame, targets);
-        let wanted = self.keys.wants(row);
+        let wanted = self.keys.keeps(row);
         let mut key = Key { row, ..Key::default() };
         if let (true, [seen]) = (self.page.has_one(), targets) {
             self.page.only(seen);

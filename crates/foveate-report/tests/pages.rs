@@ -164,7 +164,7 @@ fn the_page_of_many_targets_replays() {
     assert!(shown.contains("id=\"scrub\"") && shown.contains("Legend") && shown.contains("class=\"bars\""));
 }
 
-/// What the shades of the charts mean is said beside P(lost), where there are any, and in the legend.
+/// The meaning of the shades of the charts stands beside P(lost), if there are any, and in the legend.
 #[test]
 fn shaded_frames_are_explained() {
     let folder = tempfile::tempdir().expect("a temporary folder");

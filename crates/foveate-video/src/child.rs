@@ -169,7 +169,7 @@ fn shown(c: char) -> Vec<char> {
     if c.is_control() { c.escape_default().collect() } else { vec![c] }
 }
 
-/// A script of the shell in the place of ffmpeg; asked for help it says nothing.
+/// A script of the shell in the place of ffmpeg; with `-help` it prints nothing.
 #[cfg(all(test, unix))]
 pub(crate) fn script(folder: &std::path::Path, text: &str) -> std::path::PathBuf {
     let path = folder.join("script");

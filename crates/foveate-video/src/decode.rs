@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    /// What is missing is told by the data, not by the end mark.
+    /// The decoder finds missing data by the data, not by the end mark.
     #[test]
     fn a_truncated_jpeg_is_refused() {
         for (planes, quality) in [(1, 90), (3, 90), (3, 30)] {

@@ -184,7 +184,7 @@ impl Ffmpeg {
     /// The next frame and its time in seconds from the first.
     pub(crate) fn picture(&mut self) -> Option<Decoded<Picture>> {
         if let Some(output) = self.output.take() {
-            // Where nothing comes, the reason is told below.
+            // If there is no header, `end` returns the reason.
             self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
         }
         match self.pixels.as_mut().and_then(Y4m::picture) {
@@ -216,7 +216,7 @@ impl Ffmpeg {
     /// Why frames stopped; `None` at the end of the video.
     fn end(&mut self) -> Option<Decoded<Picture>> {
         let ended = self.leash.wait();
-        // What it said last may still be on its way; the channel of times ends when the program has.
+        // Its last messages may not have been read yet; the channel of times ends with the program.
         while self.times.recv().is_ok() {}
         std::thread::sleep(std::time::Duration::from_millis(20));
         let said = std::mem::take(&mut *self.said.lock().unwrap_or_else(PoisonError::into_inner));

@@ -53,7 +53,7 @@ pub struct SourceInfo {
     pub width: usize,
     /// Height of a frame in pixels.
     pub height: usize,
-    /// Number of frames, if the source knows it (a container's figure is an estimate).
+    /// Number of frames, if known; that of a container is an estimate.
     pub frames: Option<usize>,
     /// Frames a second.
     pub rate: f64,

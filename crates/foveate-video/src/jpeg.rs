@@ -52,7 +52,7 @@ pub(crate) fn decode(bytes: &[u8], most: usize) -> Result<DynamicImage, String> 
         true => GrayImage::from_raw(w, h, pixels).map(DynamicImage::from),
         false => RgbImage::from_raw(w, h, pixels).map(DynamicImage::from),
     };
-    let mut image = image.ok_or("the JPEG data has another size than it says; copy it again")?;
+    let mut image = image.ok_or("the JPEG data has another size than its header; copy it again")?;
     if let Some(orientation) = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif)) {
         image.apply_orientation(orientation);
     }

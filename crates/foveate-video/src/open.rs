@@ -64,7 +64,7 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
         return piped(path.to_owned(), file, &[], length, options);
     }
     let mut head = Vec::new();
-    // No more than tells yuv4mpeg: what is read of a fifo cannot be read again.
+    // Only the bytes that identify yuv4mpeg: a fifo cannot be read twice.
     file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut head).map_err(Error::io(path, cannot))?;
     if head == MAGIC || !about.is_file() {
         return piped(path.to_owned(), file, &head, None, options);

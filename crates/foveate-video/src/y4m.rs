@@ -184,7 +184,7 @@ fn parse(line: &[u8]) -> Result<Head, String> {
             "F" => {
                 let wrong = || {
                     let found = field.escape_debug();
-                    format!("expected frames a second as F30:1, or F0:0 where nobody knows, found \"{found}\"; {TODO}")
+                    format!("expected frames a second as F30:1, or F0:0 if unknown, found \"{found}\"; {TODO}")
                 };
                 let parts = value.split_once(':').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
                 let (a, b): (f64, f64) = parts.ok_or_else(wrong)?;
@@ -308,7 +308,7 @@ mod tests {
             (b"YUV4MPEG2 W3\n", "width and height"),
             (b"YUV4MPEG2 W3 H99999999999999999999\n", "sides from 1"),
             (b"YUV4MPEG2 W-3 H2\n", "sides from 1"),
-            (b"YUV4MPEG2 W3 H2 Fabc\n", "F30:1, or F0:0 where nobody knows, found \"Fabc\""),
+            (b"YUV4MPEG2 W3 H2 Fabc\n", "F30:1, or F0:0 if unknown, found \"Fabc\""),
             (b"YUV4MPEG2 W3 H2 F25\n", "found \"F25\""),
             (b"YUV4MPEG2 W3 H2 F25:0\n", "found \"F25:0\""),
             (b"YUV4MPEG2 W3 H2 F-25:1\n", "found \"F-25:1\""),

@@ -322,7 +322,7 @@ fn a_policy_learns_in_a_scene_of_digits() {
     let mut browser = need!(open(dir.path(), &[]));
     browser.click("#tab-lesson");
     browser.until("!byId('lesson').hidden && lesson.about !== null");
-    // It waits, and says for what.
+    // It waits, and shows for what.
     browser.until("/^Press Play/.test(byId('l-state').textContent)");
     browser.click("#l-play");
     browser.until("lesson.playing && byId('l-state').textContent === '' && byId('l-play').textContent === 'Pause'");

@@ -135,7 +135,7 @@ fn run<const D: usize>(
                 all(x, y);
             });
             points.truncate(evaluations);
-            // The system tells CPU time in steps of milliseconds.
+            // The system counts CPU time in milliseconds.
             let times = 1 + 300_000 / evaluations;
             let per = 1e6 / (times * evaluations) as f64;
             let mut figures: Vec<[f64; 2]> = (0..rounds)

@@ -34,7 +34,7 @@ const HEIGHT: usize = 480;
 const SIDE: f64 = 48.0;
 const HIDDEN: usize = 500;
 
-/// Times of one frame, milliseconds of CPU; of the wall clock where the system tells no other.
+/// Times of one frame, milliseconds of CPU; of the wall clock if the system does not count it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct FrameTime {
     /// The median.

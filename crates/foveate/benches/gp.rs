@@ -151,7 +151,7 @@ fn flat(every: usize) {
 }
 
 /// Seconds of a call of `work`: the median of `rounds` of calls that take 50 ms together, because the system
-/// tells CPU time in steps of milliseconds.
+/// counts CPU time in milliseconds.
 fn median(rounds: usize, work: &mut dyn FnMut()) -> f64 {
     let (mut repeats, mut whole) = (1, 0.0);
     while whole < 0.05 && repeats < 100_000 {

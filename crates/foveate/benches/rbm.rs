@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p foveate --features lab --bench rbm -- [rounds]`,
 //! with MNIST under $FOVEATE_DATA/mnist or data/mnist; without it, random bits (a
-//! time, but nothing to learn). One JSON line a figure; seconds are those of the CPU where the system tells them.
+//! time, but nothing to learn). One JSON line a figure; seconds are those of the CPU if the system counts them.
 
 use foveate::learn::rbm::{Negative, Recipe, Trainer, Visible, monitor};
 use foveate::learn::training::Training;
@@ -59,7 +59,7 @@ fn run(rounds: usize) {
     for n in [1, 100, 1000] {
         let v = Rows::new(&train.data()[..n * N_V], N_V);
         let mut encode = || rbm.h_from_v(v, RowsMut::new(&mut h[..n * N_H], N_H));
-        // The system tells CPU time in steps of milliseconds.
+        // The system counts CPU time in milliseconds.
         let times = 100_000 / (n + 9);
         let all: Vec<f64> = (0..rounds).map(|_| seconds(|| (0..times).for_each(|_| encode())) / times as f64).collect();
         report(&format!("hidden probabilities, {n} rows at once"), what, "s", &all);

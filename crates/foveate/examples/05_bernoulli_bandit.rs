@@ -1,6 +1,6 @@
 //! Five biased coins, one throw a round: what is lost by seeing one coin only, and by not knowing which is best.
 //!
-//! Hedge sees all coins and bets on one; EXP3 and EXP3-IX see the one they throw. Regret, against always throwing the
+//! Hedge receives the rewards of all coins and bets on one; EXP3 and EXP3-IX receive that of the coin they throw. Regret, against always throwing the
 //! best coin, stays within each theorem, and far below what throwing at random costs.
 //! `cargo run --release -p foveate --example 05_bernoulli_bandit`
 

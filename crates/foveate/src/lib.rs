@@ -1,8 +1,8 @@
 //! Follow one target or many through video, on a CPU.
 //!
 //! You give a box in the first picture. Every later picture answers a box, its covariance, a status, and the probability that the
-//! target is lost. [`Tracker`] follows one target, [`MultiTracker`] many; a [`Profile`], a name or a [`Config`] says with
-//! which parts.
+//! target is lost. [`Tracker`] follows one target, [`MultiTracker`] many; a [`Profile`], a name or a [`Config`] chooses
+//! their parts.
 //!
 //! ```
 //! use foveate::{BBox, Image, Profile, Tracker};
@@ -29,8 +29,8 @@
 //!
 //! It is the particle filter with gaze control of Denil, Bazzani, Larochelle and de Freitas (2012). Each particle is a guess of where
 //! the target is. It reads the picture through a retina about a gaze, and weighs itself by how well that fits the
-//! template. A policy may learn which gaze tells most. In the profiles for real video the gaze is fixed and the retina has
-//! one window; `README.md` says which configuration learns its gaze, and when that pays.
+//! template. A policy may learn which gaze is the most informative. In the profiles for real video the gaze is fixed and the retina has
+//! one window; `docs/looking.md` compares the configurations that learn their gaze.
 //!
 //! ```text
 //!            WHAT is it?               WHERE is it?                WHERE TO LOOK?

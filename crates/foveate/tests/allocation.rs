@@ -1,4 +1,4 @@
-//! After the first frames a step allocates nothing: a counting allocator says so.
+//! After the first frames a step allocates nothing, by a counting allocator.
 
 mod common;
 

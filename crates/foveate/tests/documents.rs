@@ -1,5 +1,5 @@
-//! What the documents say of the tree is true: files, functions, commands and links that they name exist, and what is made
-//! from the code is what the code says today.
+//! The documents are true: files, functions, commands and links that they name exist, and the generated parts equal today's
+//! code.
 //!
 //! `FOVEATE_WRITE_DOCS=1 cargo test -p foveate --features lab --test documents` writes the generated parts anew.
 
@@ -44,7 +44,7 @@ fn documents() -> Vec<(String, String)> {
     paths.iter().map(|path| (name(path), std::fs::read_to_string(path).expect("a document is text"))).collect()
 }
 
-/// Whether a document tells of the past: old names are right there.
+/// Returns whether a document is a history, in which old names are right.
 fn is_history(name: &str) -> bool {
     name == "CHANGELOG.md" || name.starts_with("docs/lab/")
 }

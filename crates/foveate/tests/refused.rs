@@ -1,4 +1,4 @@
-//! An allocator that gives nothing large: whoever asks for what a file or a setting names asks first, and gets an error.
+//! With an allocator that refuses large requests: code that allocates according to a file or a setting checks first, and returns an error.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
@@ -34,7 +34,7 @@ unsafe impl GlobalAlloc for Mean {
 #[global_allocator]
 static MEAN: Mean = Mean;
 
-/// What `work` says while nothing of a megabyte or more is given. An allocation that nobody asked about would end this test.
+/// Returns the error of `work` while requests of a megabyte or more are refused. An unchecked allocation would end this test.
 fn refused<T>(work: impl FnOnce() -> Result<T, Error>) {
     MOST.store(1 << 20, Ordering::Relaxed);
     let result = work().map(drop);

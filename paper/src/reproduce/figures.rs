@@ -116,7 +116,8 @@ pub(super) fn face(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
     for name in &experiment.sequences {
         let folder = setup.data.join("tracking").join(name);
         if !folder.is_dir() {
-            let problem = format!("{name}: there is no {}; --data DIR says where the data are", folder.display());
+            let problem =
+                format!("{name}: there is no {}; name the folder of the data with --data DIR", folder.display());
             figure.missing.push(problem);
             continue;
         }

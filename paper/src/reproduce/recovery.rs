@@ -33,7 +33,7 @@ pub(super) fn recovery(experiment: &Experiment, setup: &Setup) -> Result<Option<
     let folder = setup.data.join("tracking");
     let mut figure = Figure::default();
     if !folder.is_dir() {
-        figure.missing.push(format!("there is no {}; --data DIR says where the data are", folder.display()));
+        figure.missing.push(format!("there is no {}; name the folder of the data with --data DIR", folder.display()));
         return Ok(Some(figure));
     }
     let mut sequences = find_sequences(&[folder])?;

@@ -63,7 +63,7 @@ impl Setup {
             Err(error) if given => return Err(error),
             Err(error) => {
                 let note = "digits drawn by a pen, NOT MNIST: figures are not to be compared with those on MNIST";
-                note!("foveate: {note} ({error}; --data DIR says where they are)");
+                note!("foveate: {note} ({error}; name their folder with --data DIR)");
                 (Digits::drawn(1, DRAWN), note, false)
             }
         };

@@ -122,7 +122,7 @@ class FeatureLearner(ClassNamePrefixFeaturesOutMixin, TransformerMixin, Learner)
 
 
 class Density(FeatureLearner):
-    """One that says how likely rows are, too."""
+    """A learner that also scores how likely rows are."""
 
     def score_samples(self, X: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """log p(v) of each row, nats, up to a constant that is the same for all: minus the free energy; shape (n_samples,)."""

@@ -170,7 +170,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let nothing = || format!("Its policy, {policy}, has nothing to learn; try --policy hedge or --policy gp-ucb.");
     say!("{}", learned.unwrap_or_else(nothing));
     if args.scene == Scene::Glimpse {
-        say!("A larger look sees most of the digit wherever it is, and the fixed centre is as good: --scene clutter.");
+        say!("A larger window covers most of the digit at any gaze, and the fixed centre is as good: --scene clutter.");
     }
     let tracking = summary.fps(summary.spent.as_secs_f64());
     let whole = summary.fps(began.elapsed().as_secs_f64());

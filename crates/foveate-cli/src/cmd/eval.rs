@@ -273,7 +273,7 @@ fn trusted(args: &Args, score: &ConfidenceScore, groups: &[(String, ConfidenceSc
     let chart = confidence_plot::plot(&[("foveate", score)]);
     files::write_inside(out.join("reliability.svg"), chart.as_bytes())?;
     if !args.json {
-        say!("\nWhat it says about being lost (IoU below 0.1, or out of sight):\n{text}");
+        say!("\nP(lost) against the truth (lost: IoU below 0.1, or out of sight):\n{text}");
         say!("{}: confidence.txt, confidence.json, reliability.svg, report.html", out.display());
     }
     Ok(chart)

@@ -160,7 +160,7 @@ fn path(uri: &str) -> Result<&str> {
     let scheme = uri.split_once(':').map(|(scheme, _)| scheme);
     match scheme.filter(|s| s.len() > 1 && s.bytes().all(|b| b.is_ascii_lowercase() || b == b'+')) {
         Some(scheme) => Err(Error::Invalid(format!(
-            "an image as {scheme}:...; expected a path, file:///folder/image.jpg, as the hello message says (trax.image=path)"
+            "an image as {scheme}:...; expected a path, file:///folder/image.jpg, as in the hello message (trax.image=path)"
         ))),
         None => Ok(uri),
     }

@@ -75,7 +75,7 @@ impl Place {
     pub(crate) fn lines(&self, name: &str) -> usize {
         self.read(name).iter().filter(|&&b| b == b'\n').count()
     }
-    /// What is said where it fails.
+    /// The error, if it fails.
     pub(crate) fn failure(&self, args: &[&str]) -> String {
         let output = self.track("failed", args);
         assert!(!output.status.success(), "{args:?} must fail");

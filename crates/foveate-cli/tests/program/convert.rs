@@ -19,7 +19,7 @@ impl Place {
         command.current_dir(self.0.path()).args(["convert", input, output, "--from", from, "--to", to]).args(more);
         command.output().expect("it starts")
     }
-    /// Converts; answers what was said to be lost.
+    /// Converts. Returns the warnings of lost data.
     fn convert(&self, input: &str, from: &str, output: &str, to: &str, more: &[&str]) -> String {
         let run = self.run(input, from, output, to, more);
         let errors = String::from_utf8_lossy(&run.stderr).into_owned();

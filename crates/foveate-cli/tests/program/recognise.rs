@@ -1,4 +1,4 @@
-//! Recognition as a user meets it: a model is trained, a track says what it follows.
+//! Recognition as a user meets it: a model is trained, and a track reports the class of its target.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -58,7 +58,7 @@ fn a_track_says_what_it_follows() {
     let message = String::from_utf8_lossy(&foveate(dir, &wrong).stderr).into_owned();
     assert!(message.contains("recogniser.none=1") && message.contains("unknown field"), "{message}");
 
-    // What ships knows digits alone, and says so.
+    // The shipped model has the digits as classes, and the help says so.
     let words = track("shipped", &["--recognise"]);
     assert!(words.contains("Recognised as digit ") && read("shipped/boxes.txt") == read("plain/boxes.txt"), "{words}");
     let warned =

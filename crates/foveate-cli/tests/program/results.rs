@@ -61,7 +61,7 @@ fn a_mistake_leaves_an_earlier_run_as_it_was() {
     let output = place.track("out", &["video"]);
     assert!(!output.status.success() && errors(&output).contains("left as it was"), "{}", errors(&output));
     assert!(files(&place, "out") == before && place.names("") == beside);
-    // Where the sixth one breaks, what was tracked is kept, and it is said that this is not all.
+    // Where the sixth one breaks, the frames before are kept, and a warning says that the rest is missing.
     std::fs::copy(place.path("video/img/0003.png"), place.path("video/img/0002.png")).expect("a picture");
     std::fs::write(place.path("video/img/0006.png"), "broken").expect("a writable folder");
     assert!(!place.track("out", &["video"]).status.success());

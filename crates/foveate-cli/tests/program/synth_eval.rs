@@ -43,7 +43,7 @@ fn the_truth_of_a_made_video_scores_best() {
     }
     let none = foveate(&["eval", "--seqs", &results, "--results", &results, "--out", &out]);
     assert!(!none.status.success() && String::from_utf8_lossy(&none.stderr).contains("no sequence here"));
-    // A first box that no target can have is told with its file, counted as there.
+    // The error for an invalid first box names its file and line.
     std::fs::write(path("seqs/three/groundtruth_rect.txt"), "7,8,1,1\n".repeat(12)).expect("written");
     let wrong = foveate(&["eval", "--seqs", &path("seqs"), "--config", "digits", "--out", &path("wrong")]);
     let said = String::from_utf8_lossy(&wrong.stderr).into_owned();
@@ -53,7 +53,7 @@ fn the_truth_of_a_made_video_scores_best() {
     );
 }
 
-/// Boxes without a picture are told before any sequence is tracked, pictures without a box are told.
+/// Boxes without a picture are an error before any sequence is tracked; pictures without a box are a warning.
 #[test]
 fn boxes_and_pictures_are_counted_first() {
     let dir = tempfile::tempdir().expect("a temporary folder");

@@ -1,4 +1,4 @@
-//! `foveate track` as a user meets it: files in, files out, and what it says where something is wrong.
+//! `foveate track` as a user meets it: files in, files out, and its errors.
 
 use foveate_testing::need;
 use std::path::Path;
@@ -195,7 +195,7 @@ fn mistakes_are_told_in_words() {
     assert!(error.contains("nothing") && error.contains("natural") && error.contains("digits"), "{error}");
 }
 
-/// Who asks for a network in a build without it is told how to get one.
+/// The error for a network in a build without networks states how to get one.
 #[cfg(not(feature = "onnx"))]
 #[test]
 fn a_build_without_onnx_says_so() {

@@ -38,7 +38,7 @@ impl Client {
         let confidence = words[3].strip_prefix("confidence=").expect("a property").parse().expect("a number");
         (numbers.try_into().expect("four"), confidence)
     }
-    /// Whether it ended well, and what it said on standard error.
+    /// Whether it ended well, and its standard error.
     fn end(mut self) -> (bool, String) {
         drop(self.input.take());
         let output = self.child.wait_with_output().expect("it ends");

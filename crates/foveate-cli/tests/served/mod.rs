@@ -15,7 +15,7 @@ pub(crate) struct Server {
     pub child: Child,
     pub port: u16,
     pub url: String,
-    /// What it said on standard error.
+    /// Its standard error.
     pub said: Arc<Mutex<String>>,
 }
 

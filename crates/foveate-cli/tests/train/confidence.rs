@@ -66,7 +66,7 @@ fn a_fit_that_was_killed_goes_on() {
     assert!(other.exists() && runs() == 0, "{} are left", runs());
 }
 
-/// What cannot be written, or would replace what is read, is told before anything is tracked: the videos are not even looked at.
+/// An output that cannot be written, or that would replace an input, is an error before any video is opened.
 #[test]
 fn what_cannot_be_written_is_told_at_once() {
     let dir = tempfile::tempdir().expect("a temporary folder");

@@ -1,4 +1,4 @@
-//! `foveate train fixations` as a user meets it: it trains, it survives being killed, it says what is wrong.
+//! `foveate train fixations` as a user meets it: it trains, it survives being killed, and its errors name the problem.
 
 use std::path::Path;
 use std::process::Command;

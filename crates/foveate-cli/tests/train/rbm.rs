@@ -1,4 +1,4 @@
-//! `foveate train rbm` as a user meets it: it trains, it survives being killed, it says what is wrong.
+//! `foveate train rbm` as a user meets it: it trains, it survives being killed, and its errors name the problem.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -57,7 +57,7 @@ fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
     assert_eq!(child.wait().expect("it ends").code(), Some(130));
     assert!(rest.contains("the same command goes on from there"), "{rest}");
     assert!(dir.path().join("m.safetensors.checkpoint").exists() && !dir.path().join("m.safetensors").exists());
-    // With another recipe it does not go on, and says why; --restart begins anew.
+    // With another recipe it refuses to resume and gives the reason; --restart begins anew.
     fails(command(dir.path(), "m.safetensors", &["training.epochs=2", "training.rate=0.3"]), "it was begun as");
     let anew = command(dir.path(), "m.safetensors", &["training.epochs=2", "training.rate=0.3", "--restart"]).status();
     assert!(anew.expect("it runs").success());

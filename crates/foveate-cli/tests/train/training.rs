@@ -21,7 +21,7 @@ pub(crate) fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Com
     command
 }
 
-/// What a command says that does what it is told.
+/// The output of a command that succeeds.
 pub(crate) fn said(mut command: Command) -> String {
     let output = command.output().expect("it runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -70,7 +70,7 @@ const NATURAL_COMMITTEE: &str = concat!(
     include_str!("../../configs/natural.toml")
 );
 
-/// What a configuration's text says that it is for: its first sentence.
+/// Returns the purpose of a configuration: the first sentence of its text.
 pub fn about(text: &str) -> &str {
     let line = text.lines().find_map(|line| line.strip_prefix('#')).unwrap_or("").trim();
     let end = line.find(". ").unwrap_or(line.len());

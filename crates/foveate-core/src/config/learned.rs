@@ -63,14 +63,14 @@ fn trained_retina(weights: &str, metadata: &Metadata, given: Option<FovealConfig
     })?;
     if given.is_some_and(|g| g != trained) {
         return Err(Error::Config(format!(
-            "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
+            "{weights} was trained with the retina {}, but the configuration has another; leave out [retina], or retrain",
             metadata.retina
         )));
     }
     Foveal::new(trained)
 }
 
-/// A model and what its file says of it.
+/// A model and the metadata of its file.
 type Read<M> = Result<(M, Metadata)>;
 
 /// A model of some kind: one that ships with the library, or a file.

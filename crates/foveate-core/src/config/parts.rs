@@ -72,7 +72,7 @@ type MakeReward = dyn Fn(&OwnPart) -> Result<Box<dyn Reward>> + Send + Sync;
 #[derive(Clone)]
 #[non_exhaustive]
 pub struct EncoderSite<'a> {
-    /// The retina that the configuration asks for; `None` if it has no `[retina]`.
+    /// The retina of the configuration; `None` if it has no `[retina]`.
     pub given: Option<FovealConfig>,
     files: &'a dyn Files,
     folder: &'a Path,
@@ -82,7 +82,7 @@ impl<'a> EncoderSite<'a> {
     pub(super) fn new(given: Option<FovealConfig>, files: &'a dyn Files, folder: &'a Path) -> Self {
         Self { given, files, folder }
     }
-    /// The retina that the configuration asks for, for an encoder that takes any.
+    /// Returns the retina of the configuration, for an encoder that reads the glimpses of any retina.
     ///
     /// # Errors
     /// [`Error::Config`] if the configuration has no `[retina]`.
@@ -164,8 +164,8 @@ impl Parts {
         self.policies.add(&POLICIES, name, Arc::new(make));
         self
     }
-    /// Adds an encoder, for `encoder.kind`. The constructor returns the encoder with the retina whose glimpses it reads: the one that the
-    /// configuration asks for ([`EncoderSite::retina`]), or its own.
+    /// Adds an encoder, for `encoder.kind`. The constructor returns the encoder with the retina whose glimpses it reads: that of
+    /// the configuration ([`EncoderSite::retina`]), or its own.
     ///
     /// # Panics
     /// If the library or these parts have an encoder of this name.

@@ -1,4 +1,4 @@
-//! What the parser of configurations says, without the names of Rust's types.
+//! The errors of the parser of configurations, without the names of Rust's types.
 
 /// A type as the parser calls it, and what is to be written. Of a name that ends in a space another word belongs to it.
 const WORDS: [(&str, &str); 9] = [

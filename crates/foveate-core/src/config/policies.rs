@@ -64,7 +64,7 @@ pub enum PolicyConfig {
         looks: Option<f64>,
     },
     /// Scores all gazes of the grid for some frames, then keeps the best one and learns appearance there. For a
-    /// retina that sees a part of the target.
+    /// retina that covers a part of the target.
     ExploreThenCommit {
         /// The gazes.
         #[serde(default)]
@@ -134,7 +134,7 @@ pub(super) fn policy(config: &PolicyConfig, parts: &Parts) -> Result<Box<dyn Pol
 }
 
 impl PolicyConfig {
-    /// Whether it asks for more than one gaze a frame.
+    /// Returns whether it plans more than one gaze a frame.
     pub(super) fn looks_often(&self) -> bool {
         matches!(self, Self::Hedge { .. } | Self::Pool { .. } | Self::Anchor { .. })
     }
@@ -145,19 +145,19 @@ impl PolicyConfig {
             _ => matches!(self, Self::ExploreThenCommit { .. }),
         }
     }
-    /// Whether it asks for more than rewards: the first picture.
+    /// Returns whether it needs the first picture beside the rewards.
     #[cfg(feature = "learn")]
-    fn asks_for_more(&self) -> bool {
+    fn needs_first_picture(&self) -> bool {
         match self {
             Self::GpUcb(settings) => settings.saliency > 0.0 || settings.rehearsal > 0.0,
-            Self::Anchor { policy } => policy.asks_for_more(),
+            Self::Anchor { policy } => policy.needs_first_picture(),
             _ => false,
         }
     }
-    /// Fails where a recogniser cannot give it what it asks for.
+    /// Fails if it needs a first picture, which a recogniser does not have.
     #[cfg(feature = "learn")]
     pub(super) fn recognises(&self) -> Result<()> {
-        if !self.asks_for_more() {
+        if !self.needs_first_picture() {
             return Ok(());
         }
         Err(foveate_base::Error::Config(
@@ -165,7 +165,7 @@ impl PolicyConfig {
                 .into(),
         ))
     }
-    /// Whether it wants to know what gazes would have earned in the first picture.
+    /// Returns whether its prior is the reward of each gaze in the first picture.
     pub(super) fn rehearses(&self) -> bool {
         matches!(self, Self::GpUcb(settings) if settings.rehearsal > 0.0)
     }

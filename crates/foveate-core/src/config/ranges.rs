@@ -27,7 +27,7 @@ pub(super) fn in_range<'de, D: Deserializer<'de>, T: Deserialize<'de> + Ranges>(
     Ok(section)
 }
 
-/// Reads a whole number of 1 to `most`, of what it says.
+/// Reads a whole number from 1 to `most`; `what` is its name in the error.
 fn count<'de, D: Deserializer<'de>>(d: D, most: usize, what: &str) -> std::result::Result<usize, D::Error> {
     let n = usize::deserialize(d)?;
     if (1..=most).contains(&n) {

@@ -1,4 +1,4 @@
-//! The configuration of a second opinion: of one target, in the pictures that the first sees.
+//! The configuration of the second tracker: it follows one target, in the same pictures as the first.
 
 use std::path::Path;
 

@@ -171,7 +171,7 @@ impl<'de> Deserialize<'de> for OwnPart {
 mod tests {
     use super::*;
 
-    /// serde lists the variants that it knows in the error for one that it does not.
+    /// The error of serde for an unknown variant lists the known ones.
     #[test]
     fn all_kinds_of_the_library_are_listed() {
         fn listed<T: Section>() {

@@ -316,7 +316,7 @@ mod tests {
             let (speed, place) = (motion.damping * speed, place + motion.damping * speed);
             [place + gain[0] * (z - place), speed + gain[1] * (z - place)]
         };
-        // All but one in a hundred are of the posterior: those of p are told by their weight.
+        // All but one in a hundred are of the posterior: those of p differ by their weight.
         let posterior: Vec<&State> =
             children.iter().zip(&log_ratio).filter(|(_, r)| r.is_finite()).map(|(c, _)| c).collect();
         let n = posterior.len() as f64;

@@ -25,7 +25,7 @@ pub trait Reward: Send + Sync {
     ) -> f64;
 }
 
-// Deviation: the paper's reward sees the filter's own weights. At the sharpness that tracks best they have collapsed, and
+// Deviation: the paper's reward is computed from the filter's own weights. At the sharpness that tracks best they have collapsed, and
 // the gaze of highest Σw² is then worse than a random one; temperature 1 is as printed.
 /// Weighs particles anew at a softer temperature; keeps its room.
 #[derive(Clone, Debug)]
@@ -121,7 +121,7 @@ impl Reward for VarianceReduction {
     }
 }
 
-// Deviation: the paper's reward says how sure a look is, not whether it is right.
+// Deviation: the paper's reward measures how sure a look is, not whether it is right.
 /// Mean IoU of the boxes under one look with the box from all looks of the frame. A look that is sure of the wrong
 /// place has reward 0. With one look a frame it only measures its certainty.
 #[derive(Clone, Debug)]
@@ -223,7 +223,7 @@ mod tests {
         let exact = [0.34, exact[1], 0.0];
         for (reward, exact) in all(0.5).iter_mut().zip(exact) {
             let r = reward.reward(&states, &sides(4.0), &[-3.0; 4], ANYWHERE);
-            assert!((r - exact).abs() < 1e-12, "{r} is not {exact} where only the prior knows");
+            assert!((r - exact).abs() < 1e-12, "{r} is not {exact} where only the prior is informative");
         }
         // A look that flattens the weights again adds uncertainty: no variance was removed.
         assert_eq!(all(1.0)[2].reward(&states, &sides(4.0), &sides(0.25), ANYWHERE), 0.0);

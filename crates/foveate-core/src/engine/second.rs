@@ -1,7 +1,7 @@
 //! A second, smaller tracker of the same target. If the boxes of the two diverge, one of them is lost.
 //!
 //! Deviation: the paper has one tracker. Query by committee (Seung, Opper and Sompolinsky, 1992) uses the disagreement of members: the
-//! second tracker sees another part of the target, such as the middle of its box, and learns from its own boxes only, so that the two
+//! second tracker reads another part of the target, such as the middle of its box, and learns from its own boxes only, so that the two
 //! seldom fail in the same way. It never moves the box of the first tracker; the overlap of the boxes is a cue of the reported P(lost)
 //! (*agreement*).
 

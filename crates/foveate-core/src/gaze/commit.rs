@@ -2,7 +2,7 @@
 //!
 //! While the policy explores, it scores all gazes of a frame with equal weights and adds up their rewards. Then it uses the gaze with the
 //! largest sum, and the appearance is trained again under that gaze, from the first frame on ([`Policy::committed_gaze`]). At intervals it
-//! explores for one frame again, and may change its choice. Use it with a sensor that sees only a part of the target: looking at the whole
+//! explores for one frame again, and may change its choice. Use it with a sensor that reads only a part of the target: to read the whole
 //! target is expensive, and pays only until the best gaze is known.
 //!
 //! Deviation: the paper's policies choose anew in every frame. The discriminant ([`Discriminant`](crate::identity::Discriminant)) learns

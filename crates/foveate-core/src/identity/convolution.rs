@@ -166,9 +166,9 @@ impl Patches {
 #[derive(Debug)]
 pub struct ConvolutionEncoder {
     patches: Patches,
-    /// From a patch less its mean to what the filters say.
+    /// From a patch less its mean to the responses of the filters.
     packed: kernels::PackedWeights,
-    /// What a filter says has to be above this.
+    /// The response of a filter counts above this.
     thresholds: Vec<f32>,
     softening: f32,
     /// Of each pooling cell: 1 / (√n_x × its patches).
@@ -197,24 +197,24 @@ impl ConvolutionEncoder {
             )));
         };
         let (patches, whitening) = (Patches::new(cells, side, pool)?, model.whitening());
-        // A patch p with gain g is whitened to (g (p − its mean) − m) A, and filters D say that times D: one product with
+        // A patch p with gain g is whitened to (g (p − its mean) − m) A, and the responses of the filters D are that times D: one product with
         // what is left of A D when the mean of each column is taken out.
         let filters = model.filters().data();
-        let mut said = vec![0.0; n_p * k];
-        rows_times(whitening.matrix(), filters, &mut said);
+        let mut responses = vec![0.0; n_p * k];
+        rows_times(whitening.matrix(), filters, &mut responses);
         let mut thresholds = vec![threshold; k];
-        for (m, row) in whitening.mean().iter().zip(said.chunks_exact(k)) {
+        for (m, row) in whitening.mean().iter().zip(responses.chunks_exact(k)) {
             thresholds.iter_mut().zip(row).for_each(|(t, x)| *t += m * x);
         }
         for j in 0..k {
-            let mean = (0..n_p).map(|i| said[i * k + j]).sum::<f32>() / n_p as f32;
-            (0..n_p).for_each(|i| said[i * k + j] -= mean);
+            let mean = (0..n_p).map(|i| responses[i * k + j]).sum::<f32>() / n_p as f32;
+            (0..n_p).for_each(|i| responses[i * k + j] -= mean);
         }
         let mut counts = vec![0.0f32; patches.cells];
         patches.places.iter().for_each(|p| counts[p.cell] += 1.0);
         let channels: Vec<usize> = cells.iter().map(|c| c.channel).collect();
         Ok(Self {
-            packed: kernels::PackedWeights::f32(n_p, k, &said),
+            packed: kernels::PackedWeights::f32(n_p, k, &responses),
             thresholds,
             softening,
             shares: counts.iter().map(|n| 1.0 / (n * (n_x as f32).sqrt())).collect(),

@@ -123,8 +123,8 @@ impl Discriminant {
         &self.regression.settings
     }
 
-    /// Whether it was trained for this gaze: the centre only.
-    pub fn knows(gaze: Gaze) -> bool {
+    /// Returns whether it was trained for this gaze: the centre only.
+    pub fn is_trained_for(gaze: Gaze) -> bool {
         gaze.u == 0.0 && gaze.v == 0.0
     }
 

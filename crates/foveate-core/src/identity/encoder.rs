@@ -23,7 +23,7 @@ pub trait Encoder: Any + Send + Sync {
     /// Encodes conditioned glimpses.
     fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>);
     /// For conditioned glimpses with features h: `totals` ← Σ h and `overlaps` ← Σ √h · `root`, one each a row, without
-    /// writing the features; `root` has length n_h. Says false, and does nothing, where it knows no shorter way than
+    /// writing the features; `root` has length n_h. Returns false, and does nothing, if it has no faster way than
     /// [`Encoder::encode`].
     fn overlaps(&self, _glimpses: Rows<'_>, _root: &[f32], _totals: &mut [f32], _overlaps: &mut [f32]) -> bool {
         false

@@ -160,7 +160,7 @@ impl GazeAppearance {
         let (retina, encoder) = (&*self.retina, &*self.encoder);
         let (extent, weight) = (self.extent(), self.mixing().0);
         let distance = self.distance;
-        let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
+        let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::is_trained_for(gaze));
         let Buffers { views, glimpses, features, .. } = &mut self.buffers;
         let pyramid = &views.get(view).pyramid;
         let template = &self.scratch.template[..];

@@ -1,7 +1,7 @@
 //! WHAT is it? The identity (ventral) pathway: glimpses, features, distance to a template, class.
 //!
-//! As the control pathway sees it, an [`Appearance`] says how well the target, as it looked in the
-//! first frame, explains what is seen at a state: log p(hₜ | xₜ, aₜ) = −sharpness · d(h(xₜ, aₜ), h(x₁, aₜ))
+//! For the control pathway, an [`Appearance`] measures how well the target, as it looked in the
+//! first frame, explains the picture at a state: log p(hₜ | xₜ, aₜ) = −sharpness · d(h(xₜ, aₜ), h(x₁, aₜ))
 //! (section 3.1 of the paper).
 
 pub mod accumulate;
@@ -95,7 +95,7 @@ pub struct TemplateSource<'a> {
     pub extent: Extent,
 }
 
-/// How the target looks, as the control pathway sees it.
+/// How the target looks: the likelihoods that the control pathway uses.
 ///
 /// `prepare` is called once a frame, before any `log_likelihood` or `glimpse` of that frame, with the states and
 /// gazes of that frame; other states and gazes are given to `extend` first. A log-likelihood must depend on its own state and gaze
@@ -170,7 +170,7 @@ pub trait Appearance: Send + Sync {
 
 /// What an appearance learns while tracking.
 pub trait Memory {
-    /// Learns the target at `state` of the prepared frame, and not at the `distractors`, as far as the lesson says. The frame has to be
+    /// Learns the target at `state` of the prepared frame, and not at the `distractors`, as far as the lesson permits. The frame has to be
     /// prepared again before more looks.
     fn learn(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson);
     /// Forgets all that was learned since the first frame, because it was learned from another object. The frame has to be prepared again
@@ -189,7 +189,7 @@ pub trait Memory {
 
 /// What is it called? From looks at the target to the probabilities of classes (section 2.2).
 ///
-/// It remembers a few looks, and what it says must depend on these alone. It takes any gaze: continuous policies can
+/// It remembers a few looks, and the probabilities must depend on these alone. It takes any gaze, so that continuous policies can
 /// recognise too. `conformance::recognizer` is its law.
 pub trait Recognizer: Send + Sync {
     /// n_c, at least 2.

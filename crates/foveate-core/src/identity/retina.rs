@@ -187,7 +187,7 @@ mod tests {
     use crate::identity::pyramid::Region;
     use crate::scene::Image;
 
-    /// About another gaze it sees there what it saw under that gaze.
+    /// A retina about another gaze reads what the retina at the centre reads under that gaze.
     #[test]
     fn a_retina_about_a_gaze_reads_the_cells_of_that_gaze() {
         let bytes = (0..120 * 100 * 3).map(|i: usize| (i * 7 + i * i / 1013) as u8).collect();

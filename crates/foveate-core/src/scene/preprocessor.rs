@@ -4,7 +4,7 @@ use super::{Detection, Detector, Flow, Image, Regions, Sensor};
 use crate::geometry::{Extent, Gaze, State};
 use foveate_base::Result;
 
-/// What a tracker sees of one frame.
+/// The input of a tracker in one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene<'a> {
     /// The picture.
@@ -69,15 +69,15 @@ impl Preprocessor {
     pub fn new(detector: Option<Box<dyn Detector>>, flow: Option<usize>) -> Self {
         Self { detector, flow: flow.map(Flow::down_to), found: vec![] }
     }
-    /// Looks at the next picture. Detectors and flow compare pictures, so that it has to see each.
+    /// Looks at the next picture. Detectors and flow compare pictures, so each picture must be given.
     pub fn look(&mut self, image: &Image) {
         self.look_or_watch(image, true);
     }
-    /// The same, but the detector runs only if `asks`. Otherwise there are no detections, and the detector's state is
+    /// The same, but the detector runs only if `detects`. Otherwise there are no detections, and the detector's state is
     /// unchanged.
-    pub fn look_or_watch(&mut self, image: &Image, asks: bool) {
+    pub fn look_or_watch(&mut self, image: &Image, detects: bool) {
         self.found.clear();
-        if let Some(detector) = self.detector.as_mut().filter(|_| asks) {
+        if let Some(detector) = self.detector.as_mut().filter(|_| detects) {
             detector.detect(image, &mut self.found);
         }
         if let Some(flow) = &mut self.flow {
@@ -92,7 +92,7 @@ impl Preprocessor {
     pub fn detections(&self) -> &[Detection] {
         &self.found
     }
-    /// What a tracker sees of the picture that was looked at last.
+    /// Returns the input of a tracker: the last picture with its detections.
     pub fn scene<'a>(&'a self, image: &'a Image) -> Scene<'a> {
         Scene { image, detections: &self.found }
     }

@@ -3,7 +3,7 @@
 //!
 //! A *value* is one pixel of one plane, or the mean of a bin of pixels (a camera with binning and region read-out, a
 //! tile of a coarser picture, a zoom lens). The sensor paints its values into a picture, smoothly from bin to bin,
-//! coarse first and sharp last. The tracker sees only that picture, so unread pixels are invisible.
+//! coarse first and sharp last. The tracker receives only that picture, so unread pixels are invisible.
 //!
 //! Deviation: the paper's retina reads the whole picture once a particle; here all particles share the values of one
 //! sensor.

@@ -193,7 +193,7 @@ fn folders(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
 }
 
 /// Runs a tracker over all sequences with each seed, writes its results to `out` in the format of [`score_folder`] (in a folder `seed-S`
-/// per seed if there are several), and scores them. Calls `told` with each row.
+/// per seed if there are several), and scores them. Calls `each` with each row.
 ///
 /// # Errors
 /// An error of the tracker, with the sequence's name; it does not have one box per frame; a file cannot be written.
@@ -203,7 +203,7 @@ pub fn run_all(
     seeds: &[u64],
     out: Option<&Path>,
     run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun>,
-    told: &mut dyn FnMut(&Row),
+    each: &mut dyn FnMut(&Row),
 ) -> Result<Evaluation> {
     let mut evaluation = Evaluation { tracker: tracker.into(), rows: Vec::new(), missing: Vec::new() };
     for &seed in seeds {
@@ -219,7 +219,7 @@ pub fn run_all(
             let score = score.counting(run.read).with_masks(Masks::judge(sequence, &boxes)?);
             let (name, origin) = (sequence.name.clone(), sequence.origin.clone());
             let row = Row { sequence: name, origin, seed: Some(seed), score, curves };
-            told(&row);
+            each(&row);
             evaluation.rows.push(row);
         }
     }

@@ -349,7 +349,7 @@ impl MultiVideo {
     }
 
     fn apart(&self, t: usize) -> bool {
-        // A tenth of a box beside each: what a retina sees around the box is the target's alone.
+        // A tenth of a box beside each: a retina then reads nothing of another target.
         let boxes: Vec<BBox> = self.movers.iter().map(|m| grown(&m.bbox(t), 1.2)).collect();
         (0..boxes.len()).all(|i| (0..i).all(|j| boxes[i].intersection(&boxes[j]) == 0.0))
     }

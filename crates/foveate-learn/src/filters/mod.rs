@@ -33,7 +33,7 @@ pub struct PatchFilters {
     softening: Option<f32>,
 }
 
-/// What a part of the patches says of filters: the cost, and what their next step is made of.
+/// The sums over a part of the patches: the cost of the filters, and the terms of their next step.
 struct Sums {
     cost: f64,
     parts: [Vec<f64>; 2],

@@ -2,12 +2,12 @@
 //!
 //! Section 7 of the paper leaves this as future work: "existing particle filtering and stochastic optimization algorithms could be used to
 //! train the RBMs online". One particle takes a step of contrastive divergence along the rows. Several take it each along a sample
-//! of the rows drawn with replacement, and move their biases by noise: the proposal. A particle's weight is how well it tells the
-//! rows from others, by its free energy F:
+//! of the rows drawn with replacement, and move their biases by noise: the proposal. A particle's weight is how well it separates
+//! the rows from others, by its free energy F:
 //! ```text
 //! wₜ = wₜ₋₁ · Πᵢ σ(F̄ − F(vᵢ)),   F̄ the mean of F over the others;
 //! ```
-//! p(v) itself has a normaliser that no particle knows. They are resampled where weights are uneven. What is learned is their mean.
+//! The normaliser of p(v) itself cannot be computed. The particles are resampled if their weights are uneven. The result is their mean.
 
 use super::product::rows_times;
 use super::units::softplus;

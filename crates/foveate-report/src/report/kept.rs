@@ -20,7 +20,7 @@ impl<T> Kept<T> {
         Self { items: vec![], every: 1, most, bytes: 0 }
     }
     /// Returns whether a row is to be kept.
-    pub(super) fn wants(&self, row: usize) -> bool {
+    pub(super) fn keeps(&self, row: usize) -> bool {
         row.is_multiple_of(self.every)
     }
     /// Keeps a row.
@@ -48,7 +48,7 @@ mod tests {
     fn long_runs_keep_evenly_spaced_pictures() {
         let mut kept = Kept::new(MOST_KEYS);
         for row in 0..5000 {
-            if kept.wants(row) {
+            if kept.keeps(row) {
                 kept.push(row, 12_000, row);
             }
             assert!(kept.items.len() <= MOST_KEYS && kept.bytes <= MOST_BYTES);

@@ -7,7 +7,7 @@ pub(crate) struct Item {
     pub name: String,
     /// Its file.
     file: String,
-    /// Whether a `kind` says which of its variants is meant.
+    /// Returns whether a `kind` selects one of its variants.
     pub tagged: bool,
     pub body: Body,
 }

@@ -114,7 +114,7 @@ fn it_keeps_the_law() {
     conformance::detector(&|| parts.detector());
 }
 
-/// What is no detector, or not the one that is meant, is told.
+/// A file that is no detector, or another one, is refused with the reason.
 #[test]
 fn what_does_not_fit_is_told() {
     let (sides, numbers, scored) = yolov8(&ROWS);

@@ -167,7 +167,7 @@ fn glimpses_do_not_meet() {
     );
 }
 
-/// The file of a model is asked for as any other is, and what does not fit is told with both sides.
+/// The file of a model is read as any other is, and the error of one that does not fit names both sides.
 #[test]
 fn what_does_not_fit_is_told() {
     let says = |retina: &str, kind: &str, file: &[u8], parts: &[&str]| {

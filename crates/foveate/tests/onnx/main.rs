@@ -66,7 +66,7 @@ fn track(blueprint: &Blueprint, planes: usize, threads: usize) -> Vec<BBox> {
     })
 }
 
-/// What is said of a file; never a panic.
+/// The error of a file; never a panic.
 fn said<T>(result: Result<T>) -> String {
     match result {
         Ok(_) => String::new(),

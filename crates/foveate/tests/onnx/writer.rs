@@ -38,7 +38,7 @@ impl Message {
     }
 }
 
-/// What an operator is told beside its inputs.
+/// The attributes of an operator.
 pub(crate) enum Attribute<'a> {
     Int(&'a str, i64),
     Ints(&'a str, &'a [i64]),

@@ -93,7 +93,7 @@ pub(crate) fn check(text: &str) -> foveate::Result<()> {
     Config::parse(text, "my.toml")?.check(&Folder::here()).map(|_| ())
 }
 
-/// What is said of the good configuration with one line of a section changed.
+/// The error of the good configuration with one line of a section changed.
 fn error(section: &str, from: &str, to: &str) -> String {
     let at = if section.is_empty() { 0 } else { GOOD.find(section).expect("a section of the text") };
     assert!(GOOD[at..].contains(from), "{section} {from}");
@@ -150,7 +150,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
     assert!(missing.is_empty(), "{}", missing.join("\n"));
 }
 
-/// What is learned by a discriminant says so where there is none.
+/// Settings of training need a discriminant: without one the error says so.
 #[test]
 fn parts_of_a_discriminant_ask_for_one() {
     let without = GOOD.split("[discriminant]").next().expect("what is before it");

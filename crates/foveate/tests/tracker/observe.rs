@@ -1,4 +1,4 @@
-//! What observers write is what the tracker said: a short real run, read back from its files.
+//! The files of observers equal the results of the tracker, in a short real run.
 
 use foveate::files::Folder;
 use foveate_testing::need;
@@ -183,7 +183,7 @@ fn the_report_needs_no_network_and_no_trust() {
     assert_eq!(data["arms"].as_array().map(Vec::len), Some(9));
 }
 
-/// Opens the page in a browser where there is one, and asks what it shows.
+/// Opens the page in a browser, if there is one, and reads what it shows.
 #[test]
 fn the_report_runs_in_a_browser() {
     let folder = tempfile::tempdir().expect("a temporary folder");

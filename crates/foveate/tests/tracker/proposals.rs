@@ -126,7 +126,7 @@ fn saliency_finds_again_what_jumped() {
     assert!(sooner >= 9, "found after so many frames: {with:?}, without: {without:?}");
 }
 
-/// The runner tells the tracker what the configuration's detector finds, in the frames before the start too.
+/// The runner gives the detections of the configuration's detector to the tracker, in the frames before the start too.
 #[test]
 fn the_runner_asks_the_detector() {
     struct Counter(Vec<usize>);

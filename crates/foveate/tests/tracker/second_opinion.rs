@@ -1,4 +1,4 @@
-//! A second opinion is heard, and moves nothing by itself.
+//! The second tracker changes the reported P(lost), and no box.
 
 use crate::common::{INIT, frame, natural};
 use foveate::Tracker;
@@ -10,7 +10,7 @@ use foveate::geometry::BBox;
 const FRAMES: usize = 24;
 const SEED: u64 = 5;
 
-/// Boxes, P(lost), and what it heard of a second opinion.
+/// Boxes, P(lost), and the agreement of the second tracker.
 fn track(mut tracker: Tracker) -> Vec<(BBox, f64, f64)> {
     let heard = CUE_NAMES.iter().position(|name| *name == "agreement").expect("it is a cue");
     tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");

@@ -1,4 +1,4 @@
-//! A tracker behind a sensor sees what was read and nothing else, counts it, and goes on from a saved state.
+//! A tracker behind a sensor receives the read values alone, counts them, and resumes from a saved state.
 
 use std::sync::Mutex;
 
@@ -24,7 +24,7 @@ fn picture(t: usize) -> Image {
     Image::new(w, h, 3, all.map(|(x, y, p)| value(x, y, p)).collect()).expect("three planes")
 }
 
-/// A picture that tells which windows were read of it.
+/// A picture that records which of its windows were read.
 struct Watched {
     image: Image,
     read: Mutex<Vec<Window>>,

@@ -8,7 +8,7 @@ use foveate::multi::Phase;
 use foveate::scene::Image;
 use foveate::{BBox, Status, Tracker};
 
-/// What one frame says.
+/// The results of one frame.
 struct Row {
     p_lost: f64,
     status: Status,
@@ -84,7 +84,7 @@ fn check(name: &str, config: &Config, scene: &[(Image, BBox)], met: &mut [usize;
         usable = status.is_usable();
         met[*status as usize] += 1;
     }
-    // Before the occlusion the box is on the target: a deficit is none, or says so.
+    // Before the occlusion the box is on the target: a deficit is none, or is marked as uninformative.
     let on_target: Vec<f64> =
         rows[..HIDDEN.start - 1].iter().filter(|row| row.iou > 0.5).filter_map(|row| row.deficit).collect();
     let high = on_target.iter().filter(|deficit| **deficit >= 1.0).count();
@@ -128,7 +128,7 @@ fn no_row_of_a_configuration_that_ships_contradicts_itself() {
 }
 
 /// The centre of a 0 is empty, so that the look of frame 1 does not predict the evidence of later frames. Every deficit is at
-/// its maximum, means nothing, and is reported nowhere; P(lost) says that the target is there.
+/// its maximum, means nothing, and is reported nowhere; P(lost) is low.
 #[test]
 fn the_deficit_of_a_closeup_is_not_reported() {
     let scene = Occlusion { seed: 7, ..closeup() };

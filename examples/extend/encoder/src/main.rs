@@ -13,7 +13,7 @@ use soft_sign::{Settings, SoftSign};
 
 fn main() -> ExitCode {
     foveate_cli::main_with(Parts::new().with_encoder("soft-sign", |settings: Settings, site| {
-        // It reads the glimpses of any retina: the one that the configuration asks for.
+        // It reads the glimpses of any retina, so it takes that of the configuration.
         let retina = site.retina()?;
         let encoder = SoftSign::new(settings, &retina)?;
         Ok((retina, encoder))

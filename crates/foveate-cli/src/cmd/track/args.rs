@@ -87,8 +87,8 @@ pub(crate) struct Args {
     /// regret.svg and a section of the report. Slower; the track stays the same
     #[arg(long)]
     pub(super) regret: bool,
-    /// Recognise the target with a model of `foveate train classifier` or `train fixations`. Default model: the shipped one, which knows
-    /// only the digits 0 to 9 and assigns every target to one of them. The class appears in track.csv, trace.jsonl, the video and the
+    /// Recognise the target with a model of `foveate train classifier` or `train fixations`. Default model: the shipped one, whose
+    /// classes are the digits 0 to 9: it assigns every target to one of them. The class appears in track.csv, trace.jsonl, the video and the
     /// report; the track stays the same. MODEL replaces the configuration's recogniser; --set recogniser.KEY=VALUE changes its settings
     #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
     pub(super) recognise: Option<String>,

@@ -33,7 +33,7 @@ const RECIPES: [(&str, &str); 2] = [
 
 /// Train a multi-fixation RBM, which recognises a digit by a few glimpses.
 ///
-/// The input is the features of a configuration's first layer, at random gazes on digits as a tracker sees them: slightly displaced, among
+/// The input is the features of a configuration's first layer, at random gazes on digits as in a track: slightly displaced, among
 /// other digits, with noise. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command resumes and gives
 /// the same result bit for bit. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]

@@ -29,7 +29,7 @@ pub const CUE_NAMES: [&str; CUES] = [
     "absence",
 ];
 
-/// What one frame tells about being lost:
+/// The cues of one frame that the target is lost:
 /// *deficit* and *frame_deficit* as [`Consistency`](super::super::Consistency) has them, 0 to 2;
 /// *drop*: ln(1 + z), where the frame's evidence lies z mean deviations below the usual one, 0 to 5;
 /// *lasting*: the same, smoothed over about five frames;
@@ -216,11 +216,11 @@ impl ConfidenceModel {
 
     /// The reported P(lost) for the own one, `own`.
     pub(super) fn reported(&self, own: f64, cues: &Cues) -> f64 {
-        let (heard, agreement) = (&self.second_opinion, cues[AGREEMENT]);
+        let (weights, agreement) = (&self.second_opinion, cues[AGREEMENT]);
         if agreement < 0.0 {
             return own;
         }
-        logistic(heard.bias - heard.own * tracking_logit(own) + heard.agreement * agreement)
+        logistic(weights.bias - weights.own * tracking_logit(own) + weights.agreement * agreement)
     }
 
     /// The count of a frame towards the end or the start of a search; 0 if it is between.

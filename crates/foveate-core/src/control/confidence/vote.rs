@@ -84,8 +84,8 @@ impl Vote {
                 (elected, most) = (k, overlap);
             }
         }
-        let told = ballots[elected].bbox;
-        let there: f64 = ballots.iter().filter(|b| b.is_on(&told)).map(|b| share * (1.0 - b.p_lost)).sum();
+        let reported = ballots[elected].bbox;
+        let there: f64 = ballots.iter().filter(|b| b.is_on(&reported)).map(|b| share * (1.0 - b.p_lost)).sum();
         (elected, (1.0 - there).clamp(0.0, 1.0))
     }
 
@@ -97,9 +97,9 @@ impl Vote {
     /// The elected member, the P(lost) of its box, and the reported status, which follows from that.
     pub fn count(&mut self, ballots: &[Ballot]) -> (usize, f64, Status) {
         let (elected, p_lost) = Self::elect(ballots);
-        // A target is found by a member that says so by its own rule.
-        let told = ballots[elected].bbox;
-        let found = ballots.iter().any(|b| !b.is_searching && b.is_on(&told));
+        // The target is found if a member at the reported box has found it by its own rule.
+        let reported = ballots[elected].bbox;
+        let found = ballots.iter().any(|b| !b.is_searching && b.is_on(&reported));
         self.state.search.update(&self.rule, p_lost, !found);
         (elected, p_lost, self.state.reported.update(p_lost, self.rule.status, self.rule.patience))
     }
@@ -115,8 +115,8 @@ mod tests {
         Ballot { bbox: BBox::new(x, 0.0, 10.0, 10.0), p_lost, is_searching: p_lost > 0.5 }
     }
 
-    /// A million worlds: a member drawn at random is right with 1 - P, and then the target is in its box; else it is nowhere. Of the box that
-    /// is told the mean overlap is the largest of all members' boxes, and P(lost) is the share of worlds with an overlap below 0.1; seed 3,
+    /// A million worlds: a member drawn at random is right with 1 - P, and then the target is in its box; else it is nowhere. The mean overlap
+    /// of the reported box is the largest of all members' boxes, and P(lost) is the share of worlds with an overlap below 0.1; seed 3,
     /// false alarms below 1 in 10,000 (four standard deviations of 1/2000).
     #[test]
     fn the_vote_equals_a_simulation_of_its_mixture() {

@@ -17,7 +17,7 @@ const ALL: usize = BINS * BINS * BINS;
 /// Cells up to this far from the centre are the target's, and those from here on its surroundings', in half sides of the box.
 const INSIDE: f64 = 0.8;
 const AROUND: f64 = 1.1;
-/// A bin with a smaller share of the cells says little.
+/// A bin with a smaller share of the cells is not informative.
 const EMPTY: f32 = 0.004;
 /// Weight of frame 1, and that of the newest evaluation in the running mean.
 const FIRST: f32 = 0.5;

@@ -1,4 +1,4 @@
-//! What the network sees: a box and as much around it, in cells that are means of the pixels under them, whatever the size of the box.
+//! The input of the network: a box and as much around it, in cells that are means of the pixels under them, whatever the size of the box.
 
 use crate::geometry::{Extent, State};
 use crate::scene::Image;

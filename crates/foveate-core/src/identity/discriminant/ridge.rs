@@ -103,7 +103,7 @@ impl Regression {
             let before = std::mem::replace(&mut left, kernels::dot(rest, rest));
             step.iter_mut().zip(&*rest).for_each(|(step, rest)| *step = rest + left / before * *step);
         }
-        // Of sums from a damaged state: then it tells nothing.
+        // The sums of a damaged state give such weights; zeros separate nothing.
         if !kernels::dot(weights, weights).is_finite() {
             weights.fill(0.0);
         }

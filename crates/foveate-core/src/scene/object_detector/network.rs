@@ -57,7 +57,7 @@ impl ObjectDetector {
         {
             let model = &settings.model;
             return Err(Error::Config(format!(
-                "detector.classes has {class}, but {model} knows {classes} classes, 0 to {}",
+                "detector.classes has {class}, but {model} has {classes} classes, 0 to {}",
                 classes - 1
             )));
         }

@@ -29,7 +29,7 @@ pub(super) struct File {
 
 /// Reads the tensors into parameters of this shape, or fails with a text.
 fn take(tensors: &mut Tensors, shape: Shape) -> std::result::Result<Parameters, String> {
-    // Nothing is allocated for what a file says that it has.
+    // Nothing is allocated by the sizes that a file claims.
     let mut parameters = Parameters::zeros(Shape { n_v: 0, factors: 0, hidden: 0, places: 0, classes: 0 });
     for ((name, shape), into) in NAMES.iter().zip(Parameters::shapes(shape)).zip(parameters.all_mut()) {
         if shape.contains(&0) {
