@@ -264,6 +264,22 @@ mod tests {
         assert!(!committee.members[2].voter.is_searching());
     }
 
+    /// The random streams of the trackers differ, a state fits the same number of trackers, and the vote is a part of it.
+    #[test]
+    fn trackers_share_no_draw_and_save_their_vote() {
+        use crate::engine::toy::{Toy, parts, picture, target};
+        let pair = || parts(Toy::at(50.0)).with_second_tracker(Some(parts(Toy::at(50.0))));
+        let ensemble = |n| Ensemble::new((0..n).map(|_| pair()).collect(), 1, 0);
+        let (mut one, mut two) = (ensemble(2), ensemble(2));
+        assert!(ensemble(3).load(&one.save()).is_err());
+        one.vote.count(&[Ballot { bbox: target(50.0), p_lost: 1.0, is_searching: true }]);
+        two.load(&one.save()).expect("as many trackers");
+        assert!(two.vote.is_searching());
+        one.init(&picture(), target(50.0)).expect("a box in the picture");
+        let drawn: Vec<_> = one.trackers_mut().map(|tracker| tracker.save().part("filter").to_string()).collect();
+        assert!((0..4).all(|i| (0..i).all(|k| drawn[i] != drawn[k])));
+    }
+
     /// A box that is given ends the search of the vote.
     #[test]
     fn a_given_box_resets_the_vote() {

@@ -303,3 +303,125 @@ impl Monitor {
 fn spread(covariance: &Covariance, unit: f64) -> f64 {
     ((0.5 * (covariance[0][0] + covariance[1][1])).sqrt() / unit).min(1e6)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{beside, estimate, evidence, look, weighed};
+    use super::super::toy::{Learned, Toy, model, state};
+    use super::*;
+
+    fn short_term(gate: f64) -> Monitor {
+        Monitor::new(Default::default(), model()).with_short_term(&Default::default(), Some((10.0, gate)))
+    }
+
+    fn learning(nats: f64) -> Toy {
+        Toy { learned: Some(Learned { nats, ..Learned::default() }), ..Toy::at(50.0) }
+    }
+
+    /// The evidence of a frame with this deficit.
+    fn with_deficit(monitor: &mut Monitor, deficit: f64) -> FrameEvidence {
+        let shown = evidence(monitor);
+        FrameEvidence { consistency: Consistency { deficit, frame_deficit: deficit, ..shown.consistency }, ..shown }
+    }
+
+    /// A place that was beside the target in a remembered frame is evidence of a loss, until the surroundings are dropped.
+    #[test]
+    fn remembered_surroundings_are_evidence() {
+        let mut monitor = beside(true);
+        let elsewhere = |monitor: &mut Monitor| {
+            look(&mut Toy::at(70.0), 1.0, |view| {
+                let (belief, looks) = weighed(view, &[70.0]);
+                let percept = view.glimpse(&state(70.0), Gaze::CENTRE, Percept::default());
+                monitor.evidence(view, &belief, &looks, &estimate(70.0), (&percept, &Distractors::default())).elsewhere
+            })
+        };
+        assert!(elsewhere(&mut monitor) > 0.0);
+        monitor.forget_learned(None);
+        assert_eq!(elsewhere(&mut monitor), 0.0);
+    }
+
+    /// Without a short-term memory that has learned, its monitor has the state of the other.
+    #[test]
+    fn the_short_term_monitor_follows_the_other() {
+        let mut monitor = short_term(1.0);
+        (0..2).for_each(|_| _ = evidence(&mut monitor));
+        let short_term = monitor.short_term.as_ref().expect("it has one").consistency.last();
+        assert!(short_term == monitor.consistency.last() && short_term != Consistency::default());
+    }
+
+    /// P(lost) changes in judged frames only, and a mostly occluded target has no distractors.
+    #[test]
+    fn an_occluded_target_is_not_judged() {
+        let mut monitor = beside(false);
+        let good = evidence(&mut monitor);
+        let before = monitor.judge(true, &good).own;
+        let bad = with_deficit(&mut monitor, 1.0);
+        assert_eq!(monitor.judge(false, &bad).own, before);
+        assert!(monitor.judge(true, &bad).own > before);
+        for (fraction, searches) in [(1.0, true), (0.3, false)] {
+            let found =
+                look(&mut Toy::at(50.0), fraction, |view| monitor.search(view, &state(50.0), Distractors::default()));
+            assert_eq!(found.best.is_some(), searches, "{fraction} visible");
+        }
+    }
+
+    /// The short-term memory learns frames with a deficit up to its gate, while the target is not lost.
+    #[test]
+    fn the_short_term_memory_learns_up_to_its_gate() {
+        for (gate, lost, learns) in [(1.0, false, true), (0.1, false, false), (1.0, true, false)] {
+            let mut monitor = short_term(gate);
+            for columns in [[50.0, 50.0], [54.0, 54.0]] {
+                look(&mut learning(0.0), 1.0, |view| {
+                    let (belief, looks) = weighed(view, &columns);
+                    let found = (&Percept::default(), &Distractors::default());
+                    monitor.evidence(view, &belief, &looks, &estimate(columns[0]), found)
+                });
+            }
+            if lost {
+                let bad = with_deficit(&mut monitor, 1.0);
+                (0..5).for_each(|_| _ = monitor.judge(true, &bad));
+                assert!(monitor.loss.is_searching());
+            }
+            assert_eq!(monitor.lesson(1).is_some_and(|lesson| lesson.short_term), learns, "gate {gate}, lost {lost}");
+        }
+    }
+
+    /// A lost target resets the short-term memory.
+    #[test]
+    fn a_loss_resets_the_short_term_memory() {
+        for lost in [false, true] {
+            let (mut monitor, mut toy) = (short_term(1.0), learning(3.0));
+            let shown = with_deficit(&mut monitor, f64::from(u8::from(lost)));
+            let verdict = (0..5).map(|_| monitor.judge(true, &shown)).last().expect("five");
+            look(&mut toy, 1.0, |view| monitor.revise(view, &verdict, &estimate(50.0), (false, 1)));
+            assert_eq!(toy.learned.expect("it learns").nats, if lost { 0.0 } else { 3.0 });
+        }
+    }
+
+    /// A judged frame trains on the places among the particles that look like the target, if there is no search around it.
+    #[test]
+    fn a_judged_frame_is_learned_with_distractors() {
+        for (fraction, lessons) in [(1.0, vec![1]), (0.3, vec![])] {
+            let (mut monitor, mut toy) = (Monitor::new(Default::default(), model()), learning(0.0));
+            evidence(&mut monitor);
+            look(&mut toy, fraction, |view| {
+                let (mut belief, _) = weighed(view, &[50.0, 80.0]);
+                belief.log_weights = vec![0.0; 2];
+                monitor.learn(view, &belief, &state(50.0), Distractors::default(), 1)
+            });
+            assert_eq!(toy.learned.expect("it learns").lessons, lessons, "{fraction} visible");
+        }
+    }
+
+    /// The distractors of frame 1 are learned if the settings enable it.
+    #[test]
+    fn distractors_of_the_first_frame_are_learned() {
+        for first_frame in [false, true] {
+            let settings = DistractorSettings { reach: 2.0, step: 1.0, remembered: 2, first_frame };
+            let mut monitor = Monitor::new(Default::default(), model()).with_distractors(Some(settings));
+            let mut toy = learning(0.0);
+            look(&mut toy, 1.0, |view| monitor.init_surroundings(view, &state(50.0)));
+            assert_eq!(toy.learned.expect("it learns").lessons.len(), usize::from(first_frame));
+        }
+    }
+}

@@ -122,3 +122,39 @@ fn better_place(
     let (place, fit) = search.candidates.best(scores)?;
     (fit >= least && !monitor.was_beside(view, [place, *estimate])).then_some(least)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{beside, evidence, look, weighed};
+    use super::super::toy::{Learned, OFF, SLOPE, Toy, parts};
+    use super::*;
+    use crate::control::{Consistency, FrameEvidence};
+
+    /// In doubt, places are compared without the short-term memory. If another place is better, that memory is reset and all particles are
+    /// weighed again.
+    #[test]
+    fn a_search_in_doubt_ignores_the_short_term_memory() {
+        for doubtful in [false, true] {
+            let mut monitor = beside(false);
+            let shown = evidence(&mut monitor);
+            let deficit = f64::from(u8::from(doubtful));
+            let shown = FrameEvidence { consistency: Consistency { deficit, ..shown.consistency }, ..shown };
+            monitor.judge(true, &shown);
+            let mut toy = Toy { learned: Some(Learned { nats: 3.0, ..Learned::default() }), ..Toy::at(70.0) };
+            let mut filter = parts(Toy::at(70.0)).filter.with_local_search(Some(LocalSearch::new(Default::default())));
+            let belief = look(&mut toy, 1.0, |view| {
+                let (mut belief, mut looks) = weighed(view, &[50.0; 10]);
+                let when = (false, Streams::new(1, 0), 60);
+                filter.search(view, &mut belief, &mut looks, &mut monitor, when, Distractors::default());
+                belief
+            });
+            let learned = toy.learned.expect("it learns");
+            let nats = if doubtful { 0.0 } else { 3.0 };
+            assert!(learned.nats == nats && !learned.aside && !belief.drawn.is_empty(), "doubtful {doubtful}");
+            for (i, particle) in belief.states.iter().enumerate() {
+                let fit = (-SLOPE * (particle.x - 70.0).abs()).max(OFF) + nats;
+                assert!((belief.log_weights[i] - belief.log_importance[i] - fit).abs() < 1e-9, "particle {i}");
+            }
+        }
+    }
+}

@@ -17,7 +17,7 @@ use crate::scene::{Detection, Image};
 use foveate_base::rng::Rng;
 
 /// A look at a picture with this fraction of the target visible.
-fn look<T>(toy: &mut Toy, fraction: f64, see: impl FnOnce(&mut View<'_>) -> T) -> T {
+pub(super) fn look<T>(toy: &mut Toy, fraction: f64, see: impl FnOnce(&mut View<'_>) -> T) -> T {
     let (image, mut visibility, mut scratch): (Image, _, _) = (picture(), Visibility::default(), Scratch::default());
     visibility.set_fraction(fraction);
     let scene = Scene { image: &image, detections: &[] };
@@ -25,7 +25,7 @@ fn look<T>(toy: &mut Toy, fraction: f64, see: impl FnOnce(&mut View<'_>) -> T) -
 }
 
 /// Particles in these columns with equal weights before the look, and the look at them.
-fn weighed(view: &mut View<'_>, columns: &[f64]) -> (Particles, Looks) {
+pub(super) fn weighed(view: &mut View<'_>, columns: &[f64]) -> (Particles, Looks) {
     let states: Vec<State> = columns.iter().map(|x| state(*x)).collect();
     let mut belief = Particles { log_importance: vec![0.0; states.len()], states, ..Particles::default() };
     let looks = view.log_likelihoods(&belief.states, (&[Gaze::CENTRE], &[1.0], None), Looks::default());
@@ -34,14 +34,14 @@ fn weighed(view: &mut View<'_>, columns: &[f64]) -> (Particles, Looks) {
 }
 
 /// The evidence of a frame with the target at its place.
-fn evidence(monitor: &mut Monitor) -> FrameEvidence {
+pub(super) fn evidence(monitor: &mut Monitor) -> FrameEvidence {
     look(&mut Toy::at(50.0), 1.0, |view| {
         let (belief, looks) = weighed(view, &[50.0, 80.0]);
         monitor.evidence(view, &belief, &looks, &estimate(50.0), (&Percept::default(), &Distractors::default()))
     })
 }
 
-fn estimate(x: f64) -> Estimate {
+pub(super) fn estimate(x: f64) -> Estimate {
     Estimate { mean: state(x), covariance: Default::default(), ess: 1.0 }
 }
 
@@ -282,7 +282,7 @@ fn searched(monitor: &mut Monitor, fraction: f64, lost: bool, found: &'static [D
 }
 
 /// A monitor that searches for distractors, and remembers those of a frame with the target at column 50 if `remembers`.
-fn beside(remembers: bool) -> Monitor {
+pub(super) fn beside(remembers: bool) -> Monitor {
     let settings = DistractorSettings { reach: 2.0, step: 1.0, remembered: 2, first_frame: false };
     let mut monitor = Monitor::new(Default::default(), toy::model()).with_distractors(Some(settings));
     look(&mut Toy::at(70.0), 1.0, |view| {

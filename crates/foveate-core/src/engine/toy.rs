@@ -42,10 +42,20 @@ pub(crate) struct Learned {
     pub aside: bool,
     /// How often everything was forgotten.
     pub forgotten: Arc<AtomicUsize>,
+    /// The number of distractors in each lesson.
+    pub lessons: Vec<usize>,
 }
 
 impl Memory for Learned {
-    fn learn(&mut self, _: &Image, _: &State, _: &[State], _: Lesson) {}
+    fn learn(&mut self, _: &Image, _: &State, distractors: &[State], _: Lesson) {
+        self.lessons.push(distractors.len());
+    }
+    fn init_distractors(&mut self, _: &Image, _: &State, distractors: &[State]) {
+        self.lessons.push(distractors.len());
+    }
+    fn forget_short_term(&mut self) {
+        self.nats = 0.0;
+    }
     fn forget(&mut self) {
         self.forgotten.fetch_add(1, Ordering::Relaxed);
     }

@@ -194,6 +194,105 @@ mod tests {
         }
     }
 
+    /// An id names one target: it is not used again, and a target that is removed or added again is not identified later.
+    #[test]
+    fn an_id_names_one_target() {
+        let mut it = targets(Initiation::default());
+        let add = |it: &mut MultiTracker, id| it.add(&picture(), id, target(50.0)).expect("a box in the picture");
+        assert_eq!(add(&mut it, None), 2);
+        it.cut();
+        assert!(!it.remove(1), "it is not active");
+        add(&mut it, Some(2));
+        assert!(it.terminated.is_empty());
+        assert_eq!(add(&mut it, None), 3);
+    }
+
+    /// Terminated targets are remembered for so many frames, and no more than fifty of them.
+    #[test]
+    fn terminated_targets_are_forgotten() {
+        let mut it = targets(Initiation::default());
+        let frames = it.settings.reidentification.frames;
+        (it.frame, it.active[0].lost) = (7, 1000);
+        it.terminate(&picture());
+        for (frame, remembered) in [(7 + frames, 1), (8 + frames, 0)] {
+            it.frame = frame;
+            it.forget();
+            assert_eq!(it.terminated.len(), remembered, "frame {frame}");
+        }
+        for _ in 0..MOST_REMEMBERED + 2 {
+            it.add(&picture(), None, target(50.0)).expect("a box in the picture");
+        }
+        it.cut();
+        assert_eq!(it.terminated.len(), MOST_REMEMBERED);
+        assert_eq!(it.terminated[0].track.id, 4, "the oldest are forgotten");
+    }
+
+    /// Each detection starts a track at once.
+    const AT_ONCE: Initiation = Initiation {
+        hits: 1,
+        within: 1,
+        moved: 0.0,
+        overlap: 0.3,
+        covered: 0.6,
+        rank: 0.0,
+        strong: 2.0,
+        side: 8.0,
+        most: 0.5,
+    };
+
+    /// Initiates tracks from unmatched detections, the first `own` of which are the caller's. Returns the ids.
+    fn initiated(it: &mut MultiTracker, found: &[BBox], own: usize) -> Vec<u64> {
+        let found: Vec<_> = found.iter().map(|bbox| Detection::new(*bbox, 1.0)).collect();
+        (it.work.detections, it.work.numbers) = (found.clone(), (0..found.len()).collect());
+        it.initiate(&picture(), &found, own);
+        it.active.iter().map(|target| target.track.id).collect()
+    }
+
+    /// Detections of a fitting size start tracks, one at a place. The index of a detection is reported if it is the caller's.
+    #[test]
+    fn detections_start_tracks() {
+        let mut it = targets(AT_ONCE);
+        it.remove(1);
+        let tiny = BBox::around(50.0, 20.0, 4.0, 4.0);
+        let found = [tiny, target(20.0), target(21.0), target(80.0)];
+        assert_eq!(initiated(&mut it, &found, 2), [2, 3]);
+        let indices = [0, 1].map(|i| it.active[i].track.detection_index);
+        assert_eq!(indices, [Some(1), None]);
+        it.next_id = MOST_ID;
+        assert!(!it.is_full());
+        initiated(&mut it, &[BBox::around(20.0, 80.0, 20.0, 20.0)], 0);
+        assert!(it.is_full(), "there are no more ids");
+    }
+
+    /// A detection is taken if several targets cover it together.
+    #[test]
+    fn a_place_between_targets_is_taken() {
+        let mut it = targets(Initiation { overlap: 0.5, ..AT_ONCE });
+        it.remove(1);
+        it.add(&picture(), None, target(40.0)).expect("a box in the picture");
+        let taken = |it: &MultiTracker| it.is_taken(&Detection::new(target(50.0), 0.5));
+        assert!(!taken(&it), "half of it is covered, with an IoU of a third");
+        it.add(&picture(), None, target(60.0)).expect("a box in the picture");
+        assert!(taken(&it));
+    }
+
+    /// A detection identifies the most similar of the terminated targets, which continues there with its id and its first frame.
+    #[test]
+    fn the_most_similar_target_is_identified() {
+        let mut it = targets(AT_ONCE);
+        it.remove(1);
+        it.make = Box::new(|id| Ensemble::new(vec![parts(Toy::at(if id == 2 { 50.0 } else { 53.0 }))], 1, id));
+        (0..2).for_each(|_| _ = it.add(&picture(), None, target(50.0)).expect("a box in the picture"));
+        it.active.iter_mut().for_each(|it| it.ensemble.reset_at(&target(90.0)));
+        it.next = 5;
+        it.cut();
+        assert_eq!(initiated(&mut it, &[target(50.0)], 0), [2]);
+        let found = &mut it.active[0];
+        assert_eq!((found.track.phase, found.track.born, found.track.detection_index), (Phase::ReIdentified, 0, None));
+        let seen = found.ensemble.step_on(crate::scene::Scene { image: &picture(), detections: &[] }).bbox;
+        assert!(seen.iou(&target(50.0)) > 0.5, "{seen:?}");
+    }
+
     /// A track ends outside the picture, and after so many frames as lost, or without a detection if there is a detector.
     #[test]
     fn tracks_of_targets_that_are_gone_end() {

@@ -258,6 +258,25 @@ fn an_alarm_is_a_lower_bound_of_p_lost() {
     }
 }
 
+/// The logit of absence starts anew where the estimate of a lost target leaps, and after the target was found.
+#[test]
+fn the_running_mean_of_absence_starts_anew() {
+    let absence = AbsenceWeights { rate: 0.25, weight: 1.0, bias: 0.0 };
+    let mut c = LossMonitor::new(ConfidenceModel { absence, ..ConfidenceModel::default() });
+    (0..30).for_each(|_| _ = c.judge(&shown(-3.0, 0.0)));
+    (0..20).for_each(|_| _ = c.judge(&FrameEvidence { absent: Some(5.0), ..shown(-12.0, 1.0) }));
+    assert!(c.is_searching());
+    let mut there = FrameEvidence { absent: Some(-4.0), ..shown(-3.0, 0.0) };
+    there.estimate.x += 2.0 * there.unit;
+    assert_eq!(c.judge(&there).cues[CUES - 1], -4.0);
+    let found = std::iter::repeat_with(|| {
+        c.judge(&FrameEvidence { absent: Some(-4.0), ..there });
+        c.is_searching()
+    });
+    assert!(found.take(20).any(|searching| !searching));
+    assert_eq!(c.judge(&FrameEvidence { absent: None, ..there }).cues[CUES - 1], PRESENT);
+}
+
 /// Whatever comes in: a probability, and finite cues.
 #[test]
 fn nothing_is_too_strange() {
