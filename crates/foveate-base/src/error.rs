@@ -3,14 +3,16 @@
 //! Errors happen at the border only: before the first frame (configuration, models), or in a source.
 //! Inside the library a broken promise is a panic that names the promise.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use crate::text::visible;
 
 /// An error and its remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be read or written.
-    #[error("{}: {doing}: {source}", path.display())]
+    #[error("{}: {doing}: {source}", shown(path))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -20,7 +22,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file exists but has another content than expected.
-    #[error("{}: {problem}", path.display())]
+    #[error("{}: {problem}", shown(path))]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -28,7 +30,7 @@ pub enum Error {
         problem: String,
     },
     /// One frame of a source could not be decoded; earlier frames are good.
-    #[error("{}, frame {frame}: {problem}", path.display())]
+    #[error("{}, frame {frame}: {problem}", shown(path))]
     Frame {
         /// The video or image file.
         path: PathBuf,
@@ -49,6 +51,11 @@ pub enum Error {
     /// Two parts do not fit each other, or a value given by a caller is out of range.
     #[error("{0}")]
     Invalid(String),
+}
+
+/// The path with its control characters escaped.
+fn shown(path: &Path) -> String {
+    visible(&path.to_string_lossy()).into_owned()
 }
 
 impl Error {

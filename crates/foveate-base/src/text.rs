@@ -1,4 +1,25 @@
-//! Numbers with their nouns.
+//! Numbers with their nouns; names from strangers.
+
+use std::borrow::Cow;
+
+/// The text with control characters as visible escapes, line feeds and tabs included: a terminal or a viewer would execute those of a
+/// name, and a line feed would end its line.
+///
+/// ```
+/// assert_eq!(foveate_base::text::visible("a\u{1b}[31m\nb"), "a\\u{1b}[31m\\nb");
+/// ```
+pub fn visible(text: &str) -> Cow<'_, str> {
+    visible_except(text, &[])
+}
+
+/// As [`visible`], with the control characters `kept` as they are: for texts of several lines.
+pub fn visible_except<'a>(text: &'a str, kept: &[char]) -> Cow<'a, str> {
+    let harms = |c: char| c.is_control() && !kept.contains(&c);
+    match text.contains(harms) {
+        false => text.into(),
+        true => text.chars().map(|c| if harms(c) { c.escape_debug().to_string() } else { c.to_string() }).collect(),
+    }
+}
 
 /// A count and its noun, which is given in the singular: "1 frame", "2 frames", "0 boxes". Regular plurals alone.
 ///

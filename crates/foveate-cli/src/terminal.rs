@@ -53,11 +53,14 @@ pub fn note(text: std::fmt::Arguments<'_>) {
 /// Replaces control characters in the text with visible ones: names of files and classes come from other people, and a terminal would
 /// execute them.
 fn harmless(text: &str) -> Cow<'_, str> {
-    let harms = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
-    match text.contains(harms) {
-        false => text.into(),
-        true => text.chars().map(|c| if harms(c) { c.escape_debug().to_string() } else { c.to_string() }).collect(),
-    }
+    foveate::text::visible_except(text, &['\n', '\t'])
+}
+
+/// Makes writes beyond a file-size limit (`ulimit -f`) fail as on a full disk. By default, the signal SIGXFSZ ends the program.
+#[cfg(unix)]
+pub fn catch_file_limit() {
+    // If the signal cannot be caught, it ends the program as usual.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
 /// The exit status after a stop request; 0 until then.

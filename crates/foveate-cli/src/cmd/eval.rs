@@ -17,7 +17,7 @@ use foveate::lab::eval::{
     Case, Evaluation, Row, Sequence, by_attribute, cases, confidence, confidence_cross, confidence_plot, curves,
     find_sequences, mot, of_half, run_all, score_folder, table, track_files,
 };
-use foveate::text::counted;
+use foveate::text::{counted, visible};
 use foveate::{Error, Result, files};
 
 use self::record::{Data, Record, Settings};
@@ -253,7 +253,7 @@ fn undone(args: &Args) -> Result<()> {
 
 /// Prints one finished run.
 fn print_row(row: &Row) {
-    let (name, score, seed) = (&row.sequence, &row.score, row.seed.unwrap_or_default());
+    let (name, score, seed) = (visible(&row.sequence), &row.score, row.seed.unwrap_or_default());
     note!(
         "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, failure in {} of {}",
         score.auc,

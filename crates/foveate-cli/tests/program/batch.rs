@@ -33,6 +33,7 @@ fn many_videos_have_a_folder_each() {
     let failures = text(&place, "runs/failures.txt");
     assert!(failures.starts_with("videos/c\t") && failures.contains("0001.png"), "{failures}");
     let page = text(&place, "runs/index.html");
+    assert!(page.contains("http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'"), "a policy: {page}");
     let at = |name: &str| page.find(&format!(">{name}</a>")).expect(name);
     assert!(at("c") < at("a") && at("c") < at("b"), "failures come first: {page}");
 

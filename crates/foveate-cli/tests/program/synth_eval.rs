@@ -53,6 +53,35 @@ fn the_truth_of_a_made_video_scores_best() {
     );
 }
 
+/// No control character of a name reaches the terminal or a file that people open.
+#[cfg(unix)]
+#[test]
+fn names_are_shown_escaped() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    let (sequence, results) = ("seqs/a\u{1b}[31m\nroot", "other\u{1b}]0;x\u{7}\nroot");
+    scene(&path(sequence), "3", "4");
+    std::fs::create_dir(path(results)).expect("a new folder");
+    let boxes = std::fs::read(path(&format!("{sequence}/groundtruth_rect.txt"))).expect("its truth");
+    std::fs::write(path(&format!("{results}/a\u{1b}[31m\nroot.txt")), boxes).expect("written");
+    let eval =
+        foveate(&["eval", "--seqs", &path("seqs"), "--peers", &path(results), "-c", "digits", "--out", &path("e")]);
+    assert!(eval.status.success(), "{}", String::from_utf8_lossy(&eval.stderr));
+    let track = foveate(&["track", &path("seqs/none\u{1b}\nroot"), "--out", &path("t")]);
+    let mut texts = [eval.stdout, eval.stderr, track.stderr].map(|text| ("terminal".to_owned(), text)).to_vec();
+    for entry in std::fs::read_dir(path("e")).expect("a folder").flatten().filter(|entry| entry.path().is_file()) {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        texts.push((name, std::fs::read(entry.path()).expect("a file")));
+    }
+    assert!(["table.txt", "curves.svg", "report.html"].iter().all(|name| texts.iter().any(|(found, _)| found == name)));
+    for (name, bytes) in texts {
+        let text = String::from_utf8_lossy(&bytes);
+        let raw = text.chars().find(|c| c.is_control() && !['\n', '\t'].contains(c));
+        assert!(raw.is_none(), "{name}: {raw:?}");
+        assert!(!text.lines().any(|line| line.starts_with("root")), "{name}: {text}");
+    }
+}
+
 /// Boxes without a picture are an error before any sequence is tracked; pictures without a box are a warning.
 #[test]
 fn boxes_and_pictures_are_counted_first() {

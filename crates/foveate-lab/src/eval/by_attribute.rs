@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::attributes::{Attribute, keeps_aspect};
 use super::table::aligned;
 use super::{Evaluation, Score, Sequence, catalogue};
+use foveate_base::text::visible;
 use foveate_report::escape;
 
 /// The name of the group with the mean over kinds of targets, each with equal weight.
@@ -127,7 +128,7 @@ fn legend(groups: &[Group]) -> Option<&'static str> {
 pub fn text(groups: &[Group], evaluations: &[Evaluation]) -> String {
     let mut table = if groups.is_empty() { String::new() } else { aligned(&lines(groups, evaluations)) + "\n" };
     table += legend(groups).map(|legend| format!("{legend}\n\n")).as_deref().unwrap_or_default();
-    against(evaluations).iter().fold(table, |text, a| text + &sentence(a) + "\n")
+    against(evaluations).iter().fold(table, |text, a| text + &visible(&sentence(a)) + "\n")
 }
 
 /// Formats the groups as HTML for `report.html`.

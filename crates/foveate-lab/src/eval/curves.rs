@@ -3,6 +3,7 @@
 //! Success at threshold θ is the fraction of frames with an IoU above θ; precision at d is the fraction with a centre error of at most d
 //! pixels (Wu, Lim and Yang 2013).
 
+use foveate_base::text::visible;
 use kuva::plot::legend::{LegendEntry, LegendShape};
 use kuva::plot::{LegendPosition, LinePlot};
 use kuva::prelude::{Figure, Layout, LineStyle, Plot, SvgBackend, TickFormat};
@@ -148,7 +149,7 @@ impl Panel {
         let mut order: Vec<(usize, f64)> = trackers.iter().map(|t| (self.quoted)(&t.mean)).enumerate().collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
         let entry = |(i, quoted): (usize, f64)| LegendEntry {
-            label: format!("{} {quoted:.3}", trackers[i].name),
+            label: format!("{} {quoted:.3}", visible(trackers[i].name)),
             color: COLOURS[i % COLOURS.len()].into(),
             shape: LegendShape::Line,
             dasharray: Some(DASHES[i % DASHES.len()].to_owned()).filter(|d| !d.is_empty()),

@@ -1,7 +1,9 @@
 //! Trackers side by side, as aligned text and as JSON.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
+use foveate_base::text::visible;
 use serde_json::{Value, json};
 
 use super::compare::{Evaluation, Spread};
@@ -20,7 +22,7 @@ pub fn text(evaluations: &[Evaluation]) -> String {
         let mut lines: Vec<(String, Score)> =
             names.iter().filter_map(|name| Some((name.to_string(), one.of_sequence(name)?))).collect();
         lines.extend(one.mean().map(|mean| (format!("mean of {}", names.len()), mean)));
-        format!("{}\n{}", one.tracker, figures("sequence", &lines))
+        format!("{}\n{}", visible(&one.tracker), figures("sequence", &lines))
     } else {
         let mut lines = vec![vec![String::from("AUC / P@20")]];
         lines[0].extend(evaluations.iter().map(|e| e.tracker.clone()));
@@ -38,12 +40,13 @@ pub fn text(evaluations: &[Evaluation]) -> String {
             && let (Some(auc_sd), Some(p20_sd)) = (auc.sd, p20.sd)
         {
             let (auc, p20) = (auc.mean, p20.mean);
-            let tracker = &e.tracker;
+            let tracker = visible(&e.tracker);
             out +=
                 &format!("{tracker} over seeds: AUC {auc:.3} ± {auc_sd:.3}, P@20 {p20:.3} ± {p20_sd:.3} (mean ± sd)\n");
         }
         if !e.missing.is_empty() {
-            out += &format!("{} has no result for {}: its means leave them out\n", e.tracker, e.missing.join(", "));
+            let (tracker, missing) = (visible(&e.tracker), e.missing.join(", "));
+            out += &format!("{tracker} has no result for {}: its means leave them out\n", visible(&missing));
         }
     }
     out
@@ -124,12 +127,13 @@ fn figures(first: &str, lines: &[(String, Score)]) -> String {
 
 /// Aligns columns two spaces apart; the first to the left, the others to the right.
 pub fn aligned(lines: &[Vec<String>]) -> String {
+    let lines: Vec<Vec<_>> = lines.iter().map(|line| line.iter().map(|cell| visible(cell)).collect()).collect();
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
     let width =
         |c: usize| lines.iter().filter_map(|line| line.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..columns).map(width).collect();
-    let line = |cells: &Vec<String>| {
-        let cell = |(c, cell): (usize, &String)| match c {
+    let line = |cells: &Vec<Cow<'_, str>>| {
+        let cell = |(c, cell): (usize, &Cow<'_, str>)| match c {
             0 => format!("{cell:<0$}", widths[0]),
             _ => format!("  {cell:>0$}", widths[c]),
         };

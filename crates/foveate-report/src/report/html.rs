@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use crate::pictures::within;
 use crate::template::Crop;
+use foveate_base::text::visible_except;
 use foveate_core::scene::Image;
 use foveate_video::encode_jpeg;
 
@@ -46,8 +47,9 @@ fn name(source: &str) -> &str {
     source.rsplit(['/', '\\']).find(|part| !part.is_empty()).unwrap_or(source)
 }
 
-/// Escapes text for HTML: `&`, `<`, `>` and `"`.
+/// Escapes text for HTML: `&`, `<`, `>` and `"`; and shows control characters, line feeds and tabs excepted.
 pub fn escape(text: &str) -> String {
+    let text = visible_except(text, &['\n', '\t']);
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -8,7 +8,7 @@ use clap::CommandFactory;
 use clap::parser::ValueSource;
 use foveate::lab::eval::experiment;
 use foveate::report::{card, document, escape};
-use foveate::text::counted;
+use foveate::text::{counted, visible};
 use foveate::{Error, Result, files, quiet};
 use serde::{Deserialize, Serialize};
 
@@ -83,7 +83,7 @@ pub(super) fn run(mut args: Args) -> Result<()> {
             finished += 1;
             continue;
         }
-        note!("{} of {total}: {}", i + 1, source.display());
+        note!("{} of {total}: {}", i + 1, visible(&source_name));
         // A damaged video must not end the other runs.
         let result = quiet::catch(|| one(&args, source, &out)).unwrap_or_else(|panic| Err(Error::Invalid(panic)));
         let (tally, error) = match result {
@@ -231,7 +231,8 @@ impl Runs {
         files::write_inside(root.join("index.html"), self.page(root).as_bytes())?;
         let failures = root.join("failures.txt");
         let failed = self.runs.values().filter_map(|run| Some((&run.source, run.error.as_ref()?)));
-        let lines: String = failed.map(|(source, error)| format!("{source}\t{}\n", error.replace('\n', " "))).collect();
+        let lines: String =
+            failed.map(|(source, error)| format!("{}\t{}\n", visible(source), visible(error))).collect();
         if lines.is_empty() {
             // The file may not exist.
             let _ = std::fs::remove_file(failures);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use foveate::geometry::BBox;
 use foveate::report::run::{Given, check_box};
 use foveate::scene::motion;
-use foveate::text::counted;
+use foveate::text::{counted, visible};
 use foveate::video::{SourceInfo, TileFolder, annotation};
 use foveate::{Error, Result};
 
@@ -68,7 +68,7 @@ pub(crate) fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -
         let todo = "give --init x,y,w,h (left, top, width, height in pixels, counted from 1)";
         let draw = match is_endless(source) {
             true => String::new(),
-            false => format!("draw one with `foveate pick {}`, or ", source.display()),
+            false => format!("draw one with `foveate pick {}`, or ", visible(&source.to_string_lossy())),
         };
         Error::malformed(source, format!("no box to start from; {draw}{todo}"))
     };
@@ -81,16 +81,10 @@ pub(crate) fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -
 /// Returns the box of the object that moves between the first two frames.
 fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result<BBox> {
     if TileFolder::is_at(source) {
-        let source = source.display();
-        return Err(Error::Invalid(format!(
-            "{source}: --init motion needs whole pictures, not tiles; give --init x,y,w,h"
-        )));
+        return Err(Error::malformed(source, "--init motion needs whole pictures, not tiles; give --init x,y,w,h"));
     }
     if is_endless(source) {
-        let source = source.display();
-        return Err(Error::Invalid(format!(
-            "{source}: --init motion needs a file, which is read twice; give --init x,y,w,h"
-        )));
+        return Err(Error::malformed(source, "--init motion needs a file, which is read twice; give --init x,y,w,h"));
     }
     let mut frames = input.open(source)?.source.take(2);
     let pair = (frames.next().transpose()?, frames.next().transpose()?);
@@ -98,10 +92,8 @@ fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result
         (Some(a), Some(b)) => motion::first_box(&a.image, &b.image, size),
         _ => None,
     };
-    found.ok_or_else(|| {
-        let source = source.display();
-        Error::Invalid(format!("{source}: nothing moves between the first two frames; give --init x,y,w,h"))
-    })
+    let problem = "nothing moves between the first two frames; give --init x,y,w,h";
+    found.ok_or_else(|| Error::malformed(source, problem))
 }
 
 /// Returns the ground truth, if the source has one, for comparison in the report; the tracker never uses it.

@@ -1,5 +1,6 @@
 //! Scores of many targets, as aligned text and as JSON.
 
+use foveate_base::text::visible;
 use serde_json::{Value, json};
 
 use super::{Evaluation, Score};
@@ -11,9 +12,10 @@ pub fn text(evaluations: &[Evaluation]) -> String {
         let mut lines = vec![HEADS.map(String::from).to_vec()];
         lines.extend(e.rows.iter().map(|row| figures(&row.sequence, &row.score)));
         lines.push(figures(&format!("pooled, {}", e.rows.len()), &e.pooled()));
-        let mut out = format!("{}\n{}", e.tracker, aligned(&lines));
+        let mut out = format!("{}\n{}", visible(&e.tracker), aligned(&lines));
         if !e.missing.is_empty() {
-            out += &format!("{} has no result for {}: its pool leaves them out\n", e.tracker, e.missing.join(", "));
+            let (tracker, missing) = (visible(&e.tracker), e.missing.join(", "));
+            out += &format!("{tracker} has no result for {}: its pool leaves them out\n", visible(&missing));
         }
         out
     };
