@@ -3,6 +3,7 @@
 
 mod place;
 
+use std::io::Write;
 use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
@@ -61,6 +62,16 @@ fn claims() -> [(&'static str, Vec<u8>); 2] {
     let frame = jpeg.windows(2).position(|mark| matches!(mark, [0xff, 0xc0..=0xc2])).expect("a frame header");
     jpeg[frame + 5..frame + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);
     [("claims.png", png), ("claims.jpg", jpeg)]
+}
+
+/// A small picture whose colour profile unpacks to 600 MiB.
+fn profiled() -> Vec<u8> {
+    let png = encode_png(&Image::new(16, 16, 3, vec![90; 768]).expect("whole"));
+    let mut zeros = flate2::write::ZlibEncoder::new(vec![], flate2::Compression::fast());
+    (0..600).for_each(|_| zeros.write_all(&[0; 1 << 20]).expect("memory"));
+    let profile = [&b"iCCPprofile\0\0"[..], &zeros.finish().expect("memory")].concat();
+    let length = (profile.len() as u32 - 4).to_be_bytes();
+    [&png[..33], &length, &profile, &checksum(&profile).to_be_bytes(), &png[33..]].concat()
 }
 
 /// A short video whose index claims so many frames of one byte, all in the first chunk.
@@ -167,6 +178,9 @@ fn threads_and_memory_that_are_not_given_are_no_panic() {
         let mut command = std::process::Command::new("bash");
         command.current_dir(place.path("")).env("RUST_BACKTRACE", "0").args(["-c", shell, &limit]).arg(&program);
         command.args(["track", "video", "-c", "c.toml", "--init", "50,60,28,28", "-o", "o", "--threads", "3"]);
+    write("profile.png", &profiled());
+    let (well, said) = bounded(&place, &["look", "profile.png", "--map", "saliency"]);
+    assert!(well, "{said}");
         let output = command.output().expect("bash");
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!said.contains("panicked"), "{kilobytes} kB: {said}");

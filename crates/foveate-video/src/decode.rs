@@ -13,6 +13,8 @@ use foveate_core::scene::Image;
 pub const MAX_SIDE: usize = 16384;
 /// The greatest height of pictures below each other, in pixels.
 const MAX_STACK: usize = 1 << 20;
+/// Most bytes of a PNG's rows and texts; a colour profile that unpacks to more is skipped.
+const MAX_CHUNKS: u64 = 16 << 20;
 
 /// Decodes a picture from the bytes of a PNG or JPEG file; the content decides which.
 ///
@@ -90,7 +92,7 @@ fn png(bytes: &[u8], height: usize) -> std::result::Result<DynamicImage, String>
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(height as u32);
-    limits.max_alloc = Some(1 << 30);
+    limits.max_alloc = Some(MAX_CHUNKS);
     reader.limits(limits);
     let mut decoder = reader.into_decoder().map_err(damaged)?;
     let (width, height) = decoder.dimensions();
