@@ -200,10 +200,7 @@ impl Store {
         for other in &self.others {
             let from = other.join(path.file_name().unwrap_or_default());
             if let Some(run) = read(&from, frames) {
-                files::write_inside(
-                    path,
-                    &std::fs::read(&from).map_err(Error::io(&from, "cannot read a finished run"))?,
-                )?;
+                files::write_inside(path, &files::read(&from, files::TEXT)?)?;
                 return Ok(Some(run));
             }
         }

@@ -151,6 +151,15 @@ fn nothing_that_is_asked_for_is_taken_first() {
     refused(&["track", zero, "--init", "1,1,9,9"], "yuv4mpeg");
     refused(&["track", "zeros", "--init", "1,1,9,9"], "not a regular file");
     refused(&["track", "video", "-c", "weights.toml"], "not a regular file");
+    std::fs::create_dir(place.path("earlier")).expect("a new folder");
+    std::os::unix::fs::symlink("/dev/zero", place.path("earlier/run.json")).expect("a link");
+    let list = ["track", "video", "-c", "c.toml", "-o", "earlier"];
+    refused(&list, "expected the list of files");
+    std::fs::remove_file(place.path("earlier/run.json")).expect("it was there");
+    let fifo = std::process::Command::new("mkfifo").arg(place.path("earlier/run.json")).status();
+    assert!(fifo.expect("mkfifo").success());
+    refused(&list, "expected the list of files");
+    refused(&["eval", "--seqs", "video", "-c", "c.toml", "--out", "earlier"], "expected the list of files");
     for option in ["--detections", "--inits", "--load-state", "--recognise"] {
         refused(&["track", "video", option, zero], "not a regular file");
     }

@@ -22,6 +22,8 @@ use serde::{Deserialize, Serialize};
 
 /// Lists the files of a run.
 const MANIFEST: &str = "run.json";
+/// Most bytes of it: a run of thousands of sequences lists about a megabyte.
+const MOST_MANIFEST: u64 = 16 << 20;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -292,7 +294,7 @@ fn not_ours(folder: &Path) -> Error {
 
 /// Reads the manifest of the earlier run in a folder.
 fn manifest(folder: &Path) -> Option<Manifest> {
-    let text = fs::read_to_string(folder.join(MANIFEST)).ok()?;
+    let text = files::read_text(folder.join(MANIFEST), MOST_MANIFEST).ok()?;
     serde_json::from_str::<Manifest>(&text).ok().filter(|manifest| manifest.program.starts_with("foveate "))
 }
 

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, files};
 use foveate_core::geometry::BBox;
 use serde::{Deserialize, Serialize};
 
@@ -103,7 +103,7 @@ pub(super) fn of_folder(folder: &Path) -> Result<BTreeMap<String, Origin>> {
     if !path.is_file() {
         return Ok(BTreeMap::new());
     }
-    let text = std::fs::read_to_string(&path).map_err(Error::io(&path, "cannot read"))?;
+    let text = files::read_text(&path, files::TEXT)?;
     let (mut found, mut halves) = (BTreeMap::new(), BTreeMap::new());
     for (i, line) in text.lines().enumerate().filter(|(_, line)| !line.starts_with('#') && !line.trim().is_empty()) {
         let wrong = |problem: String| Error::malformed(&path, format!("line {}: {problem}", i + 1));

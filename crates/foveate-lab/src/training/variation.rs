@@ -1,7 +1,7 @@
 //! The variation of target features along tracks with ground truth: their covariance about the mean over each track.
 
 use foveate_base::rows::{Rows, RowsMut};
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, files};
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_core::identity::discriminant::Covariance;
 use foveate_core::identity::encoder::Encoder;
@@ -69,7 +69,7 @@ fn track(sequence: &Sequence, retina: &Foveal, encoder: &Oriented, every: usize)
     let first = sequence.init()?;
     let mut sha = Sha256::new_with_prefix(&sequence.name);
     for file in sequence.files()? {
-        sha.update(std::fs::read(&file).map_err(Error::io(&file, "cannot read"))?);
+        sha.update(files::read(&file, files::PICTURE)?);
     }
     let frames = open(&sequence.images)?.zip(&sequence.truth).step_by(every);
     let mut rows = [vec![], vec![]];

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use foveate::lab::eval::{Sequence, experiment, mot};
 use foveate::report::escape;
-use foveate::{Error, Result};
+use foveate::{Error, Result, files};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -72,7 +72,7 @@ impl Data {
     /// It has no pictures, or one cannot be read.
     pub(crate) fn with_pictures(sequence: &Sequence) -> Result<Self> {
         let one = |path: &PathBuf| {
-            let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
+            let bytes = files::read(path, files::PICTURE)?;
             Ok(experiment::digest(&[path.file_name().unwrap_or_default().as_encoded_bytes(), &bytes]))
         };
         let each: Vec<String> = sequence.files()?.par_iter().map(one).collect::<Result<_>>()?;
@@ -86,7 +86,7 @@ impl Data {
     /// The file cannot be read.
     pub(crate) fn of_many(sequence: &mot::Sequence) -> Result<Self> {
         let truth = sequence.truth_file.clone();
-        let bytes = std::fs::read(&truth).map_err(Error::io(&truth, "cannot read"))?;
+        let bytes = files::read(&truth, files::TEXT)?;
         Ok(Self { sequence: sequence.name.clone(), truth, boxes: experiment::digest(&[&bytes]), pictures: None })
     }
 
@@ -184,7 +184,7 @@ fn text(entries: &[Entry]) -> String {
 /// Returns a digest of the program itself: a rebuilt one may give other tracks.
 pub(crate) fn program() -> Result<String> {
     let path = crate::invocation::program();
-    Ok(experiment::digest(&[&std::fs::read(path).map_err(Error::io(path, "cannot read"))?]))
+    Ok(experiment::digest(&[&files::read(path, files::MODEL)?]))
 }
 
 /// The common settings of finished runs: a file beside their folder.
@@ -226,7 +226,7 @@ impl Settings {
     /// other settings.
     pub(crate) fn claim(&self, runs: &Path, others: &[PathBuf]) -> Result<()> {
         for folder in others.iter().map(PathBuf::as_path).chain([runs]).filter(|folder| folder.is_dir()) {
-            let Ok(text) = std::fs::read(Self::file(folder)) else { continue };
+            let Ok(text) = files::read(Self::file(folder), files::TEXT) else { continue };
             let Ok(theirs) = serde_json::from_slice::<Self>(&text) else { continue };
             if let Some(what) = self.differs(&theirs) {
                 let problem = format!(
@@ -238,6 +238,6 @@ impl Settings {
         }
         std::fs::create_dir_all(runs).map_err(Error::io(runs, "cannot create"))?;
         let text = serde_json::to_vec_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
-        foveate::files::write_inside(Self::file(runs), &text)
+        files::write_inside(Self::file(runs), &text)
     }
 }

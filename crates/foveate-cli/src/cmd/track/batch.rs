@@ -183,7 +183,7 @@ fn configuration(args: &Args) -> Result<String> {
     }
     let mut parts = vec![Entry::of(args.blueprint(config, &folder)?, "track")?.key.into_bytes()];
     for model in args.models().filter(|model| model.is_file()) {
-        parts.push(std::fs::read(model).map_err(Error::io(model, "cannot read"))?);
+        parts.push(files::read(model, files::MODEL)?);
     }
     Ok(experiment::digest(&parts.iter().map(Vec::as_slice).collect::<Vec<_>>()))
 }
