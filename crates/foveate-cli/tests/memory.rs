@@ -141,16 +141,16 @@ fn nothing_that_is_asked_for_is_taken_first() {
         refused(&[&train[..], &[&setting]].concat(), &format!("{many} glimpses"));
     }
 
+    // A state of 30 million numbers, and one that goes on after the last number there is.
+    let state = |next: u64, tracker: &str| {
+        format!("{{\"next_frame\":{next},\"source\":\"v\",\"size\":[9,9],\"tracker\":[{tracker}0]}}")
+    };
+    write("state.json", state(1, &"0,".repeat(30_000_000)).as_bytes());
+    refused(&["track", "video", "--load-state", "state.json"], "a state of 60000057 bytes would take");
+    write("state.json", state(u64::MAX, "").as_bytes());
+    refused(&["track", "video", "--load-state", "state.json"], "18446744073709551615 frames");
+
     // What is read without end.
-    let zero = "/dev/zero";
-    std::fs::create_dir_all(place.path("zeros/img")).expect("a new folder");
-    std::os::unix::fs::symlink(zero, place.path("zeros/img/1.png")).expect("a link");
-    std::os::unix::fs::symlink(zero, place.path("truth.txt")).expect("a link");
-    let weights = place::CONFIG.replace("kind = \"raw\"", "kind = \"rbm\"\nweights = \"/dev/zero\"");
-    write("weights.toml", weights.as_bytes());
-    refused(&["track", zero, "--init", "1,1,9,9"], "yuv4mpeg");
-    refused(&["track", "zeros", "--init", "1,1,9,9"], "not a regular file");
-    refused(&["track", "video", "-c", "weights.toml"], "not a regular file");
     std::fs::create_dir(place.path("earlier")).expect("a new folder");
     std::os::unix::fs::symlink("/dev/zero", place.path("earlier/run.json")).expect("a link");
     let list = ["track", "video", "-c", "c.toml", "-o", "earlier"];
@@ -160,6 +160,15 @@ fn nothing_that_is_asked_for_is_taken_first() {
     assert!(fifo.expect("mkfifo").success());
     refused(&list, "expected the list of files");
     refused(&["eval", "--seqs", "video", "-c", "c.toml", "--out", "earlier"], "expected the list of files");
+    let zero = "/dev/zero";
+    std::fs::create_dir_all(place.path("zeros/img")).expect("a new folder");
+    std::os::unix::fs::symlink(zero, place.path("zeros/img/1.png")).expect("a link");
+    std::os::unix::fs::symlink(zero, place.path("truth.txt")).expect("a link");
+    let weights = place::CONFIG.replace("kind = \"raw\"", "kind = \"rbm\"\nweights = \"/dev/zero\"");
+    write("weights.toml", weights.as_bytes());
+    refused(&["track", zero, "--init", "1,1,9,9"], "yuv4mpeg");
+    refused(&["track", "zeros", "--init", "1,1,9,9"], "not a regular file");
+    refused(&["track", "video", "-c", "weights.toml"], "not a regular file");
     for option in ["--detections", "--inits", "--load-state", "--recognise"] {
         refused(&["track", "video", option, zero], "not a regular file");
     }
@@ -169,6 +178,9 @@ fn nothing_that_is_asked_for_is_taken_first() {
     refused(&["eval", "--seqs", "video", "--out", "e"], "not a regular file");
 
     // What does not ask for much is done.
+    write("profile.png", &profiled());
+    let (well, said) = bounded(&place, &["look", "profile.png", "--map", "saliency"]);
+    assert!(well, "{said}");
     let (well, said) = bounded(&place, &["track", "video", "-c", "c.toml", "--init", "50,60,28,28", "-o", "o"]);
     assert!(well, "{said}");
 }
@@ -187,9 +199,6 @@ fn threads_and_memory_that_are_not_given_are_no_panic() {
         let mut command = std::process::Command::new("bash");
         command.current_dir(place.path("")).env("RUST_BACKTRACE", "0").args(["-c", shell, &limit]).arg(&program);
         command.args(["track", "video", "-c", "c.toml", "--init", "50,60,28,28", "-o", "o", "--threads", "3"]);
-    write("profile.png", &profiled());
-    let (well, said) = bounded(&place, &["look", "profile.png", "--map", "saliency"]);
-    assert!(well, "{said}");
         let output = command.output().expect("bash");
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!said.contains("panicked"), "{kilobytes} kB: {said}");

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use foveate::extend;
 use foveate::video::SourceInfo;
-use foveate::{Error, Result, files};
+use foveate::{Error, Result, files, memory};
 
 /// The state of a tracker, which names its configuration and seed, and where the video goes on.
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -15,6 +15,22 @@ pub(super) struct SavedState {
     /// Width and height of the tracked pictures.
     pub size: [usize; 2],
     pub tracker: extend::SavedState,
+}
+
+/// Most frames before a state: a thousand a second for a century.
+const MOST_FRAMES: usize = 1 << 42;
+/// Bytes of a parsed value and its copy, and of the first entry of an object, at most.
+const VALUE: u64 = 100;
+const OBJECT: u64 = 1400;
+
+/// Returns the approximate bytes of a JSON text as values: a text of brackets and commas takes a hundred times its size.
+fn parsed(text: &str) -> u64 {
+    let of = |byte: &u8| match byte {
+        b',' | b'[' => VALUE,
+        b'{' => OBJECT,
+        _ => 2,
+    };
+    text.as_bytes().iter().map(of).sum()
 }
 
 /// Returns the last component of a path or an address.
@@ -50,7 +66,14 @@ impl SavedState {
     /// Reads a state.
     pub(super) fn read(path: &Path) -> Result<Self> {
         let text = files::read_text(path, files::TEXT)?;
-        serde_json::from_str(&text)
-            .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))
+        memory::check(format_args!("{}: a state of {} bytes", path.display(), text.len()), parsed(&text))?;
+        let saved: Self = serde_json::from_str(&text)
+            .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))?;
+        if saved.next_frame > MOST_FRAMES {
+            let problem =
+                format!("it goes on after {} frames, more than a video has; write it again", saved.next_frame);
+            return Err(Error::malformed(path, problem));
+        }
+        Ok(saved)
     }
 }
