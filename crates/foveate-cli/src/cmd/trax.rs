@@ -8,8 +8,9 @@ use std::path::Path;
 
 use foveate::config::Blueprint;
 use foveate::scene::Image;
+use foveate::text::counted;
 use foveate::video::read_image;
-use foveate::{BBox, Error, Result, Tracker};
+use foveate::{BBox, Error, Result, Tracker, memory};
 
 use super::configure::{Changes, Profile, config_name, read};
 use message::Message;
@@ -51,7 +52,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     crate::terminal::give_output();
     let mut output = std::io::stdout().lock();
     let mut session =
-        Session { blueprint, seed, several: args.objects, planes: None, objects: vec![], pending: vec![] };
+        Session { blueprint, seed, several: args.objects, planes: None, objects: vec![], bytes: 0, pending: vec![] };
     let ended = session.serve(&mut BufReader::new(std::io::stdin().lock()), &mut output);
     if let Err(error) = &ended {
         // If the client has closed the connection, nobody reads the message.
@@ -69,6 +70,8 @@ struct Session {
     /// Planes of the first picture: later pictures are converted between grey and colour to match it, as in a folder of images.
     planes: Option<usize>,
     objects: Vec<Tracker>,
+    /// The estimated memory of the objects, bytes.
+    bytes: u64,
     /// Version 4 objects that wait for their first picture.
     pending: Vec<BBox>,
 }
@@ -124,13 +127,25 @@ impl Session {
 
     fn clear(&mut self) {
         self.objects.clear();
+        self.bytes = 0;
         self.pending.clear();
         self.planes = None;
+    }
+
+    /// Checks whether memory suffices for the objects that wait for this picture.
+    fn check_memory(&mut self, image: &Image) -> Result<()> {
+        let size = image.size();
+        let more = self.pending.iter().map(|bbox| self.blueprint.memory_of_tracker(bbox, size));
+        self.bytes = more.fold(self.bytes, u64::saturating_add);
+        let objects = self.objects.len() + self.pending.len();
+        let picture = memory::of_picture(size.width, size.height);
+        memory::check(format_args!("{}", counted(objects, "object")), self.bytes.saturating_add(picture))
     }
 
     /// Passes a picture to every object, starts those that wait for it, and returns the states of all in order.
     fn frame(&mut self, uri: &str) -> Result<String> {
         let image = self.picture(uri)?;
+        self.check_memory(&image)?;
         let mut answer = String::new();
         for tracker in &mut self.objects {
             let seen = tracker.update(&image)?;

@@ -135,6 +135,7 @@ fn damage_is_told_and_ends_the_session() {
     let begin = format!("@@TRAX:initialize {good} {own}\n");
     let long = format!("@@TRAX:frame {}", "a".repeat(2 << 20));
     let several = "@@TRAX:initialize \"1,1,20,20\"\n".repeat(257);
+    let large = format!("{}@@TRAX:frame {good}\n", &several[..several.len() / 257 * 200]);
     for (args, text, said) in [
         (&[][..], "@@TRAX:frame \"a.png\"\n".to_owned(), "a frame before any object"),
         (&[], format!("@@TRAX:initialize {good}\n"), "expected initialize IMAGE REGION, frame IMAGE or quit"),
@@ -151,6 +152,7 @@ fn damage_is_told_and_ends_the_session() {
         (&[], long, "more than 1048576 bytes"),
         (&[], "x".repeat(2 << 20), "more than 1048576 bytes"),
         (&["--objects"], several, "more than 256 objects"),
+        (&["--objects", "--max-memory", "100M"], large, "200 objects would take about"),
         (&["--objects"], format!("@@TRAX:initialize {good} {own}\n"), "expected initialize REGION"),
     ] {
         let mut client = Client::new(&place, args);

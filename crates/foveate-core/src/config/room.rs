@@ -1,7 +1,7 @@
 //! The memory estimate of a target, checked against the memory limit before the memory is allocated.
 
 use super::Blueprint;
-use crate::geometry::State;
+use crate::geometry::{BBox, Size, State};
 use crate::identity::discriminant::Discriminant;
 use crate::identity::retina::Retina;
 use crate::multi::MemoryEstimate;
@@ -62,6 +62,12 @@ impl Blueprint {
     /// Bytes that one target takes, about, its template left out: that is a part of a picture.
     pub fn memory_of_target(&self) -> u64 {
         self.room().kept
+    }
+
+    /// Returns the approximate bytes of a [`crate::Tracker`] for a target in this box, with its own buffers, in pictures of this size.
+    pub fn memory_of_tracker(&self, bbox: &BBox, size: Size) -> u64 {
+        let room = self.room();
+        room.of_one(bbox, size).saturating_add(room.look)
     }
 
     /// Fails where the settings ask for more memory than there may be, before it is taken.

@@ -14,11 +14,16 @@ pub(crate) struct MemoryEstimate {
 }
 
 impl MemoryEstimate {
-    /// Returns the bytes of `n` targets and another one in this box, with the buffers of all threads, in pictures of three planes.
-    pub(crate) fn with(&self, n: usize, bbox: &BBox, size: Size) -> u64 {
+    /// Returns the bytes that a target in this box keeps with its template, in pictures of three planes.
+    pub(crate) fn of_one(&self, bbox: &BBox, size: Size) -> u64 {
         let area = 3.0 * bbox.w * bbox.h * (self.reach * self.reach);
         let template = (area as u64).min(3u64.saturating_mul(size.width as u64).saturating_mul(size.height as u64));
+        self.kept.saturating_add(template)
+    }
+
+    /// Returns the bytes of `n` targets and another one in this box, with the buffers of all threads, in pictures of three planes.
+    pub(crate) fn with(&self, n: usize, bbox: &BBox, size: Size) -> u64 {
         let threads = crate::threads::several() as u64;
-        (self.kept.saturating_add(template).saturating_mul(n as u64 + 1)).saturating_add(threads * self.look)
+        self.of_one(bbox, size).saturating_mul(n as u64 + 1).saturating_add(threads * self.look)
     }
 }
