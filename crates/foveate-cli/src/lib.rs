@@ -114,6 +114,7 @@ impl Common {
     /// 0, 1 after an error, or that of the signal that stopped the command.
     pub fn run(self, command: impl FnOnce() -> foveate::Result<()> + Send) -> u8 {
         foveate::memory::set_limit(self.max_memory.unwrap_or(0));
+        terminal::catch_file_limit();
         if let Err(error) = kernels() {
             note!("foveate: {error}");
             return 1;

@@ -63,6 +63,9 @@ pub fn catch_file_limit() {
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
+#[cfg(not(unix))]
+pub fn catch_file_limit() {}
+
 /// The exit status after a stop request; 0 until then.
 static STOP: AtomicI32 = AtomicI32::new(0);
 

@@ -192,6 +192,24 @@ fn whenever_it_is_killed_one_run_is_whole() {
     eprintln!("{old} times the earlier run, {new} times the new one");
 }
 
+/// A limit on the size of files is as a full disk: the error names the file, and the earlier run stays.
+#[cfg(unix)]
+#[test]
+fn a_limit_on_files_is_an_error() {
+    let place = Place::new();
+    let args = ["track", "video", "-c", "c.toml", "-o", "out"];
+    assert!(place.run(&args).status.success());
+    let before = files(&place, "out");
+    let program = place.command(&[]).get_program().to_owned();
+    let mut command = std::process::Command::new("bash");
+    command.current_dir(place.path("")).args(["-c", "ulimit -f 4 && exec \"$@\"", "bash"]).arg(program).args(args);
+    let output = command.output().expect("bash");
+    let said = errors(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("annotated.mp4 was not written: ") && said.contains("File too large"), "{said}");
+    assert!(files(&place, "out") == before);
+}
+
 #[cfg(unix)]
 #[test]
 fn a_run_that_is_asked_to_stop_keeps_what_it_tracked() {
