@@ -1,7 +1,7 @@
 //! A file that appears when it is whole: written under a temporary name beside its place, renamed at the end.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -20,8 +20,41 @@ pub struct Sink {
 #[derive(Debug)]
 enum Target {
     Part(Part),
-    Growing(File, PathBuf),
+    Growing(Growing),
     Memory(Memory),
+}
+
+/// A file of lines under its final name.
+#[derive(Debug)]
+struct Growing {
+    file: File,
+    path: PathBuf,
+    /// Bytes written, and those of them up to the end of the last line.
+    written: u64,
+    lines: u64,
+}
+
+impl Growing {
+    /// Writes what waited when the last write failed. If that fails again, cuts the file off after its last whole line.
+    fn end(mut self, waiting: &[u8]) -> io::Result<()> {
+        self.file.set_len(self.written)?;
+        self.file.seek(SeekFrom::Start(self.written))?;
+        self.write_all(waiting).or_else(|_| self.file.set_len(self.lines))
+    }
+}
+
+impl Write for Growing {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = write_some(&mut self.file, &self.path, bytes)?;
+        if let Some(end) = bytes[..count].iter().rposition(|byte| *byte == b'\n') {
+            self.lines = self.written + end as u64 + 1;
+        }
+        self.written += count as u64;
+        Ok(count)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 /// Bytes in memory instead of a file, for systems without files. Clones share them.
@@ -49,7 +82,7 @@ impl Write for Target {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self {
             Self::Part(part) => part.write(bytes),
-            Self::Growing(file, path) => write_some(file, path, bytes),
+            Self::Growing(growing) => growing.write(bytes),
             Self::Memory(memory) => memory.write(bytes),
         }
     }
@@ -62,9 +95,9 @@ impl Target {
     fn finish(self, path: &Path) -> io::Result<()> {
         match self {
             Self::Part(part) => part.keep(),
-            Self::Growing(file, _) => {
+            Self::Growing(growing) => {
                 attempt(Operation::Sync, path)?;
-                file.sync_data()
+                growing.file.sync_data()
             }
             Self::Memory(_) => Ok(()),
         }
@@ -85,7 +118,8 @@ impl Sink {
         let path = path.into();
         let file = attempt(Operation::Open, &path).and_then(|()| File::create(&path));
         let file = file.map_err(Error::io(&path, "cannot write"))?;
-        Ok(Self { file: Some(BufWriter::new(Target::Growing(file, path.clone()))), path })
+        let growing = Growing { file, path: path.clone(), written: 0, lines: 0 };
+        Ok(Self { file: Some(BufWriter::new(Target::Growing(growing))), path })
     }
 
     /// Writes to memory; `name` stands for the file in errors.
@@ -120,8 +154,9 @@ impl Drop for Sink {
         // What waits to be written to a part would be written for nothing.
         if let Some(file) = self.file.take() {
             let (target, waiting) = file.into_parts();
-            if let (Target::Growing(mut file, _), Ok(bytes)) = (target, waiting) {
-                let _ = file.write_all(&bytes);
+            if let (Target::Growing(growing), Ok(bytes)) = (target, waiting) {
+                // The error of the write before was reported.
+                let _ = growing.end(&bytes);
             }
         }
     }

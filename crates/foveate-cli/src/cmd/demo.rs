@@ -147,7 +147,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let (summary, result) = run::run(&mut source, &mut tracker, &mut observers, plan);
     bar.finish_and_clear();
     drop(observers);
-    result.and(failed.check().map_err(|error| results.with_final_path(&error)))?;
+    result.and(failed.check(&[]).map_err(|error| results.with_final_path(&error)))?;
     if summary.tracked == 0 {
         let out = args.out.display();
         return Err(Error::Invalid(format!(

@@ -81,6 +81,8 @@ pub(super) struct Results {
     /// Parent folders that were created for the results, outermost first.
     made: Vec<PathBuf>,
     names: Vec<String>,
+    /// Whether the files grow under their final names.
+    live: bool,
     ended: (Ended, usize),
     damaged: u64,
     kept: bool,
@@ -96,7 +98,9 @@ impl Results {
     /// Starts results as [`Results::begin`] does, for an endless source. Until the end the files are in the readable folder `OUT.live-PID`,
     /// and stay there if the run is killed.
     pub(super) fn begin_live(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
-        Self::begin_in(out, names, inputs, growing)
+        let mut results = Self::begin_in(out, names, inputs, growing)?;
+        results.live = true;
+        Ok(results)
     }
 
     fn begin_in(out: &Path, names: &[&str], inputs: &[&Path], part: impl Fn(&OsStr) -> OsString) -> Result<Self> {
@@ -127,6 +131,7 @@ impl Results {
             made: made.into_iter().rev().collect(),
             names,
             ended: (Ended::Error, 0),
+            live: false,
             damaged: 0,
             kept: false,
         })
@@ -177,8 +182,10 @@ impl Results {
         Error::Invalid(error.to_string().replace(&*part, &asked))
     }
 
-    /// Leaves out results that could not be written. Returns false if no result is left.
-    pub(super) fn leave_out(&mut self, lost: &[&str]) -> bool {
+    /// Leaves out results that could not be written to their end. Keeps and returns those of a live run that have a beginning.
+    pub(super) fn leave_out<'a>(&mut self, failed: &[&'a str]) -> Vec<&'a str> {
+        let begun = |name: &str| fs::metadata(self.part.join(name)).is_ok_and(|file| file.len() > 0);
+        let (cut, lost): (Vec<&str>, Vec<&str>) = failed.iter().partition(|name| self.live && begun(name));
         self.names.retain(|name| !lost.contains(&&**name));
         lost.iter().for_each(|name| drop(fs::remove_file(self.part.join(name))));
         !self.names.is_empty()
@@ -231,7 +238,8 @@ impl Results {
 
 impl Drop for Results {
     fn drop(&mut self) {
-        if !self.kept {
+        // A fault of the program ends an endless run, too: its files stay.
+        if !self.kept && !(self.live && std::thread::panicking()) {
             let _ = fs::remove_dir_all(&self.part);
             // Folders that are no longer empty stay.
             self.made.iter().rev().for_each(|folder| drop(fs::remove_dir(folder)));

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use foveate::Result;
 use foveate::report::run::{self, RunPlan, RunSummary};
 use foveate::scene::{Cuts, Detection};
 use foveate::video::Frame;
+use foveate::{Error, Result};
 
 use super::of_file;
 use super::results::{Ended, Results};
@@ -104,9 +104,10 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
     let kept = keep(results, &failed, tracked, result.is_ok(), &summary);
     let saved = if tracked { job.save(&subject, next_frame) } else { Ok(()) };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
-    let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
-    tell(&job, &subject, &summary, files, began, error.map(ToString::to_string));
-    ended(out, tracked, result.and(kept.map(drop)).and(saved), summary.stopped)?;
+    let errors = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten();
+    let error = errors.map(ToString::to_string).reduce(|all, error| all + "; " + &error);
+    tell(&job, &subject, &summary, files, began, error.clone());
+    ended(out, tracked, error.map_or(Ok(()), |error| Err(Error::Invalid(error))), summary.stopped)?;
     Ok(Tally { frames: summary.frames, occluded_frames: summary.occluded, lost_frames: summary.lost })
 }
 
@@ -150,9 +151,9 @@ fn keep(
         (true, false) => Ended::Finished,
     };
     results.set_damaged(summary.damaged);
-    let some = results.leave_out(&failed.names());
-    let failed = failed.check().map_err(|error| results.with_final_path(&error));
-    if tracked && some { results.keep(ended, summary.frames, failed) } else { failed.map(|()| vec![]) }
+    let cut = results.leave_out(&failed.names());
+    let failed = failed.check(&cut).map_err(|error| results.with_final_path(&error));
+    if tracked && !results.is_empty() { results.keep(ended, summary.frames, failed) } else { failed.map(|()| vec![]) }
 }
 
 /// Prints the end of a run.

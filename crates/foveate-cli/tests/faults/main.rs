@@ -8,6 +8,9 @@ mod job;
 #[path = "../place/mod.rs"]
 mod place;
 
+use std::io::Write;
+use std::process::Stdio;
+
 use job::{Job, files};
 use place::{Place, errors};
 
@@ -108,6 +111,37 @@ fn an_output_that_fails_ends_alone() {
     let output = run("whole", Some("write:1+"));
     assert!(output.status.code() == Some(1), "{}", errors(&output));
     assert_eq!(place.names("whole"), names);
+}
+
+/// A live run on a disk that fills keeps the lines that it has, and says so even if the stream breaks off.
+#[test]
+fn a_live_run_on_a_full_disk_keeps_its_lines() {
+    let place = Place::new();
+    let frame = 64 * 48;
+    let run = |out: &str, fault: &str, bytes: usize| {
+        let args = ["track", "-", "--raw", "64x48", "--pix", "gray", "--init", "9,9,20,20", "-c", "c.toml", "-o", out];
+        let mut command = place.command(&[&args[..], &["--no-video", "--no-report"]].concat());
+        command.env("FOVEATE_FAULT", fault).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("it starts");
+        let pixels: Vec<u8> = (0..bytes).map(|i| (i % frame * 37 % 251) as u8).collect();
+        child.stdin.take().expect("a pipe").write_all(&pixels).expect("it reads all");
+        errors(&child.wait_with_output().expect("it ends"))
+    };
+    let said = run("out", "write@boxes.txt:5+", 10 * frame);
+    assert!(said.contains("boxes.txt ends early: ") && said.contains("failed on request"), "{said}");
+    assert_eq!(place.names("out"), ["boxes.txt", "run.json", "track.csv"]);
+    assert_eq!((place.lines("out/boxes.txt"), place.lines("out/track.csv")), (4, 11));
+    let said = run("cut", "write@boxes.txt:5+", 10 * frame + 9);
+    assert!(said.contains("boxes.txt ends early: ") && said.contains("frame 11: "), "{said}");
+    assert_eq!((place.lines("cut/boxes.txt"), place.lines("cut/track.csv")), (4, 11));
+    // The list of files cannot be written either.
+    let said = run("full", "write:9+", 10 * frame);
+    let (_, folder) = said.trim().rsplit_once("lies in ").expect("where it is");
+    assert_eq!(
+        (place.lines(&format!("{folder}/boxes.txt")), place.lines(&format!("{folder}/track.csv"))),
+        (4, 5),
+        "{said}"
+    );
 }
 
 /// `cargo test -p foveate-cli --test faults -- --ignored --nocapture`: all failures of all commands, and a hundred kills of each; of one

@@ -18,12 +18,13 @@ impl FailedOutputs {
         self.0.borrow().iter().map(|(name, _)| *name).collect()
     }
 
-    /// Fails with the names of the files, if there are any.
-    pub(crate) fn check(&self) -> Result<()> {
+    /// Fails with the names of the files, if there are any; those in `cut` have a beginning.
+    pub(crate) fn check(&self, cut: &[&str]) -> Result<()> {
         match &self.0.borrow()[..] {
             [] => Ok(()),
             failed => {
-                let all: Vec<_> = failed.iter().map(|(name, why)| format!("{name} was not written: {why}")).collect();
+                let how = |name: &str| if cut.contains(&name) { "ends early" } else { "was not written" };
+                let all: Vec<_> = failed.iter().map(|(name, why)| format!("{name} {}: {why}", how(name))).collect();
                 Err(Error::Invalid(all.join("; ")))
             }
         }
