@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{Error, Result};
 pub(crate) use part::write as write_some;
-pub use part::{Part, create_dir, folder_of, put, rename, settle, sync_folder, temporary};
+pub use part::{Part, create_dir, folder_of, put, rename, settle, sweep, sync_folder, temporary};
 
 /// The most bytes of a model.
 pub const MODEL: u64 = 1 << 30;

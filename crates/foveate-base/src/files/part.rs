@@ -2,16 +2,16 @@
 
 use std::collections::HashSet;
 use std::fs::File;
-use std::hash::{BuildHasher, RandomState};
+use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher, RandomState};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
 use super::faults::{Operation, attempt};
 
-/// What another process left that is no more is litter once it is as old as this: one that cannot be seen from here, in another
+/// What a process of another system or user left is litter once it is as old as this: one that cannot be seen from here, in another
 /// container, writes more often.
 const ABANDONED: Duration = Duration::from_secs(60);
 /// Bytes of a final name that go into a temporary one.
@@ -36,10 +36,35 @@ pub struct Part {
 pub fn temporary(path: &Path) -> PathBuf {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let count = COUNT.fetch_add(1, Ordering::Relaxed);
-    let random = RandomState::new().hash_one((count, SystemTime::now()));
+    let random = RandomState::new().hash_one((count, SystemTime::now())) as u32;
     let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     name.truncate(name.floor_char_boundary(SHOWN));
-    path.with_file_name(format!(".{name}.{}-{random:016x}.tmp", std::process::id()))
+    path.with_file_name(format!(".{name}.{}-{:08x}{random:08x}.tmp", std::process::id(), system()))
+}
+
+/// This boot of the system, its numbers of processes, and this user: of a process of the same three it is known whether it runs.
+fn system() -> u32 {
+    static SYSTEM: LazyLock<u32> = LazyLock::new(|| {
+        let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id");
+        let processes = std::fs::read_link("/proc/self/ns/pid");
+        match (boot, processes, user()) {
+            (Ok(boot), Ok(processes), Some(user)) => {
+                BuildHasherDefault::<DefaultHasher>::default().hash_one((boot, processes, user)) as u32
+            }
+            _ => RandomState::new().hash_one(0) as u32,
+        }
+    });
+    *SYSTEM
+}
+
+#[cfg(unix)]
+fn user() -> Option<u32> {
+    std::fs::metadata("/proc/self").ok().map(|about| std::os::unix::fs::MetadataExt::uid(&about))
+}
+
+#[cfg(not(unix))]
+fn user() -> Option<u32> {
+    None
 }
 
 impl Part {
@@ -65,7 +90,7 @@ impl Part {
     /// Where the folder cannot be written.
     pub fn inside(path: &Path) -> io::Result<Self> {
         let part = temporary(path);
-        sweep(&part);
+        sweep(folder_of(&part));
         attempt(Operation::Open, path)?;
         let file = File::options().write(true).create_new(true).open(&part)?;
         Ok(Self { path: part, file: Some(file), to: Some(path.to_owned()) })
@@ -145,7 +170,7 @@ pub fn rename(from: &Path, to: &Path) -> io::Result<()> {
 /// # Errors
 /// As [`std::fs::create_dir`].
 pub fn create_dir(path: &Path) -> io::Result<()> {
-    sweep(path);
+    sweep(folder_of(path));
     attempt(Operation::Open, path)?;
     std::fs::create_dir(path)
 }
@@ -195,10 +220,9 @@ pub fn settle(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes the files and folders that killed processes left in the folder of this file; once for each folder.
-fn sweep(part: &Path) {
+/// Removes the temporary files and folders that killed processes left in a folder; once for each folder.
+pub fn sweep(folder: &Path) {
     static SWEPT: Mutex<Option<HashSet<PathBuf>>> = Mutex::new(None);
-    let folder = folder_of(part);
     let mut swept = SWEPT.lock().unwrap_or_else(PoisonError::into_inner);
     if !swept.get_or_insert_default().insert(folder.to_owned()) {
         return;
@@ -207,23 +231,27 @@ fn sweep(part: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let (name, path) = (entry.file_name(), entry.path());
-        if name.to_str().and_then(writer).is_none_or(is_running) {
+        let Some((process, system)) = name.to_str().and_then(writer) else { continue };
+        if is_running(process) {
             continue;
         }
+        let is_left = || system == self::system() || is_old(&path);
         // What cannot be removed does no harm; links and devices are nothing that was made here.
         let _ = match entry.file_type() {
-            Ok(kind) if kind.is_file() && is_old(&path) => std::fs::remove_file(path),
-            Ok(kind) if kind.is_dir() && is_old(&path) => std::fs::remove_dir_all(path),
+            Ok(kind) if kind.is_file() && is_left() => std::fs::remove_file(path),
+            Ok(kind) if kind.is_dir() && is_left() => std::fs::remove_dir_all(path),
             _ => continue,
         };
     }
 }
 
-/// The process that a temporary name has.
-fn writer(name: &str) -> Option<u32> {
+/// The process and its system that a temporary name has.
+fn writer(name: &str) -> Option<(u32, u32)> {
     let (_, rest) = name.strip_prefix('.')?.strip_suffix(".tmp")?.rsplit_once('.')?;
     let (process, random) = rest.split_once('-')?;
-    (random.len() == 16 && random.bytes().all(|b| b.is_ascii_hexdigit())).then(|| process.parse().ok())?
+    let system = u32::from_str_radix(random.get(..8)?, 16).ok()?;
+    let is_ours = random.len() == 16 && random.bytes().all(|b| b.is_ascii_hexdigit());
+    is_ours.then(|| Some((process.parse().ok()?, system)))?
 }
 
 /// Where nobody can say, everybody runs.
@@ -256,7 +284,10 @@ mod tests {
             file.set_modified(SystemTime::now() - 2 * ABANDONED).expect("a time");
         }
         File::options().write(true).open(&fresh).expect("there").set_modified(SystemTime::now()).expect("a time");
+        let killed = dir.path().join(format!(".d.txt.{dead}-{:08x}01234567.tmp", system()));
+        File::create(&killed).expect("writable");
         let mut part = Part::beside(&path).expect("writable");
+        assert!(!killed.exists() || !Path::new("/proc/self").exists(), "it is known to be dead, however new");
         assert!(!litter(dead).exists() && litter(ours).exists() && mine.exists() && fresh.exists());
         part.write_all(b"text").expect("written");
         let other = Part::beside(&path).expect("writable");

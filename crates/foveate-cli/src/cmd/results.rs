@@ -113,6 +113,7 @@ impl Results {
         let part = part(&name);
         sweep(&parent, &name, &out);
         sweep(&out, &name, &out);
+        files::sweep(&out);
         // The folder lies beside the output folder, or inside it if that is not permitted.
         let part = match files::create_dir(&parent.join(&part)) {
             Ok(()) => parent.join(&part),
@@ -130,8 +131,8 @@ impl Results {
             part,
             made: made.into_iter().rev().collect(),
             names,
-            ended: (Ended::Error, 0),
             live: false,
+            ended: (Ended::Error, 0),
             damaged: 0,
             kept: false,
         })
@@ -188,7 +189,12 @@ impl Results {
         let (cut, lost): (Vec<&str>, Vec<&str>) = failed.iter().partition(|name| self.live && begun(name));
         self.names.retain(|name| !lost.contains(&&**name));
         lost.iter().for_each(|name| drop(fs::remove_file(self.part.join(name))));
-        !self.names.is_empty()
+        cut
+    }
+
+    /// Returns whether no result is left.
+    pub(super) fn is_empty(&self) -> bool {
+        self.names.is_empty()
     }
 
     fn list(&self, folder: &Path, names: &[String], complete: bool) -> Result<()> {

@@ -117,6 +117,31 @@ fn messages_track_correct_and_save() {
     assert!(leftovers(dir.path()).is_empty(), "{:?}", leftovers(dir.path()));
 }
 
+#[test]
+fn the_folder_of_a_killed_server_is_removed() {
+    let dir = place();
+    let save = || {
+        let args = ["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"];
+        let server = Server::start(dir.path(), &args);
+        let session = open(&server, "0/clip")["session"].clone();
+        let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast", "policy": null, "seed": 4 });
+        for message in [start, json!({ "op": "save", "session": session, "film": false, "report": false })] {
+            assert_eq!(server.ask(&message.to_string()).0, 200, "{message}");
+        }
+        while leftovers(dir.path()).is_empty() {
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        server
+    };
+    drop(save());
+    let killed = leftovers(dir.path());
+    let _server = save();
+    while leftovers(dir.path()) == killed {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    assert!(leftovers(dir.path()).len() == 1 && !leftovers(dir.path()).contains(&killed[0]), "{killed:?}");
+}
+
 /// Writing results takes a thread for as long as the track is; the page is answered meanwhile, and may change its mind.
 #[test]
 fn one_thread_answers_while_results_are_written() {
@@ -219,7 +244,7 @@ fn leftovers(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("readable").flatten();
     entries
         .map(|e| e.file_name().to_string_lossy().into_owned())
-        .filter(|name| name.starts_with("foveate-serve"))
+        .filter(|name| name.starts_with(".foveate-serve."))
         .collect()
 }
 
