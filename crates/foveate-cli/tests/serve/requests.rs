@@ -1,5 +1,9 @@
 //! Malformed requests get nothing, and no other address may ask without a token.
 
+use std::io::Write;
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
 use serde_json::json;
 
 use crate::served::{Server, parts};
@@ -272,6 +276,40 @@ fn a_thousand_malformed_requests_get_nothing() {
             assert!(peak.is_some_and(|kib| kib < 128 << 10), "{peak:?} KiB at most");
         }
     }
+}
+
+#[test]
+fn half_a_request_keeps_nobody_out() {
+    let dir = place();
+    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--token", TOKEN]);
+    let half = || {
+        let mut stream = TcpStream::connect(("127.0.0.1", server.port)).expect("it listens");
+        stream.write_all(b"GET / HTTP/1.1\r\nHost: ").expect("it is open");
+        stream
+    };
+    let _all: Vec<TcpStream> = (0..200).map(|_| half()).collect();
+    let began = Instant::now();
+    assert_eq!(server.get(&format!("/?token={TOKEN}")).0, 200);
+    assert!(began.elapsed() < Duration::from_secs(5), "{:?}", began.elapsed());
+}
+
+/// A picture that becomes a link after it was opened is not followed.
+#[cfg(unix)]
+#[test]
+fn links_that_come_later_lead_nowhere() {
+    let dir = place();
+    let at = |name: &str| dir.path().join(name);
+    std::fs::copy(at("seen/clip/000.png"), at("hidden.png")).expect("a picture");
+    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0"]);
+    let session = crate::open(&server, "0/clip")["session"].clone();
+    let frame = |n: usize| server.get(&format!("/frame?session={session}&frame={n}"));
+    assert_eq!(frame(1).0, 200);
+    std::fs::remove_file(at("seen/clip/030.png")).expect("it was there");
+    std::os::unix::fs::symlink(at("hidden.png"), at("seen/clip/030.png")).expect("a link");
+    assert_eq!(frame(29).0, 200);
+    let (status, body) = frame(31);
+    let said = String::from_utf8_lossy(&body);
+    assert!(status == 404 && said.contains("replaced by a link"), "{status}: {said}");
 }
 
 #[test]

@@ -1,15 +1,15 @@
 //! Connections: one thread each, with a maximum number.
 
+mod door;
+
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use super::http::{Connection, Ended, Request, Response};
+use door::{Door, Guest};
 
-/// Maximum number of connections; further ones are closed at once.
-const MOST: usize = 64;
 /// Time limit for an idle connection and for sending a response.
 const SILENCE: Duration = Duration::from_secs(30);
 /// Interval between checks of the stop condition.
@@ -29,7 +29,7 @@ pub(super) fn serve(
     stop: &Arc<dyn Fn() -> bool + Send + Sync>,
 ) -> std::io::Result<()> {
     wake(listener.local_addr()?, Arc::clone(stop))?;
-    let count = Arc::new(AtomicUsize::new(0));
+    let door = Arc::new(Door::default());
     for stream in listener.incoming() {
         if stop() {
             break;
@@ -39,18 +39,12 @@ pub(super) fn serve(
             std::thread::sleep(POLL);
             continue;
         };
-        if count.fetch_add(1, Ordering::SeqCst) >= MOST {
-            count.fetch_sub(1, Ordering::SeqCst);
-            continue;
-        }
-        let (answer, trusted, taken) = (Arc::clone(answer), Arc::clone(trusted), Arc::clone(&count));
-        let started = foveate::thread::started(move || {
-            let _ = catch_unwind(AssertUnwindSafe(|| converse(stream, &*answer, &*trusted)));
-            taken.fetch_sub(1, Ordering::SeqCst);
+        let Some(guest) = door.enter(&stream) else { continue };
+        let (answer, trusted) = (Arc::clone(answer), Arc::clone(trusted));
+        // If no thread can be started, the connection is closed.
+        let _ = foveate::thread::started(move || {
+            let _ = catch_unwind(AssertUnwindSafe(|| converse(stream, &guest, &*answer, &*trusted)));
         });
-        if started.is_err() {
-            count.fetch_sub(1, Ordering::SeqCst);
-        }
     }
     Ok(())
 }
@@ -69,7 +63,7 @@ fn wake(mut address: SocketAddr, stop: Arc<dyn Fn() -> bool + Send + Sync>) -> s
     foveate::thread::started(wait)
 }
 
-fn converse(stream: TcpStream, answer: &Answer, trusted: &Trusted) {
+fn converse(stream: TcpStream, guest: &Guest, answer: &Answer, trusted: &Trusted) {
     let timed = stream.set_read_timeout(Some(SILENCE)).and(stream.set_write_timeout(Some(SILENCE)));
     if timed.and(stream.set_nodelay(true)).is_err() {
         return;
@@ -78,6 +72,7 @@ fn converse(stream: TcpStream, answer: &Answer, trusted: &Trusted) {
     loop {
         let (response, keep) = match connection.request(trusted) {
             Ok(request) => {
+                guest.asks(trusted(&request));
                 let answered = catch_unwind(AssertUnwindSafe(|| answer(&request)));
                 let mut response =
                     answered.unwrap_or_else(|_| Response::error(500, "an error of the program; open the video again"));
@@ -94,5 +89,6 @@ fn converse(stream: TcpStream, answer: &Answer, trusted: &Trusted) {
             let _ = connection.stream().shutdown(std::net::Shutdown::Write);
             return;
         }
+        guest.waits();
     }
 }
