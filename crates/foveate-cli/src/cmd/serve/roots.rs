@@ -35,6 +35,14 @@ pub(super) struct Place {
 }
 
 impl Place {
+    /// Fails unless this canonical path still leads to itself: a link may have taken its place, or that of a folder above it.
+    pub(super) fn check(&self, real: &Path) -> Result<()> {
+        if real.canonicalize().is_ok_and(|now| now == real) {
+            return Ok(());
+        }
+        Err(Error::malformed(&self.shown, "it was moved, removed or replaced by a link; open it again"))
+    }
+
     /// Returns a file in the place, or the place itself if it is a file; `None` if the file lies outside the root.
     pub(super) fn inside(&self, file: &Path) -> Option<PathBuf> {
         let real = file.canonicalize().ok()?;

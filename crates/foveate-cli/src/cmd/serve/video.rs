@@ -64,8 +64,47 @@ impl Reopen for Video {
 
 fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<dyn FrameSource>> {
     match files {
-        Some(files) => Ok(Box::new(ImageFolder::from_files(files[from.min(files.len() - 1)..].to_vec())?)),
-        None => open(&place.real),
+        Some(files) => Ok(Box::new(Pictures::new(place, files[from.min(files.len() - 1)..].to_vec())?)),
+        None => {
+            place.check(&place.real)?;
+            open(&place.real)
+        }
+    }
+}
+
+/// The pictures of a folder, each checked before it is read.
+struct Pictures {
+    place: Place,
+    files: Vec<PathBuf>,
+    next: usize,
+    folder: ImageFolder,
+}
+
+impl Pictures {
+    fn new(place: &Place, files: Vec<PathBuf>) -> Result<Self> {
+        place.check(&files[0])?;
+        let folder = ImageFolder::from_files(files.clone())?;
+        Ok(Self { place: place.clone(), files, next: 0, folder })
+    }
+}
+
+impl Iterator for Pictures {
+    type Item = Result<Frame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let checked = self.place.check(self.files.get(self.next)?);
+        self.next += 1;
+        checked.map_or_else(|error| Some(Err(error)), |()| self.folder.next())
+    }
+}
+
+impl FrameSource for Pictures {
+    fn info(&self) -> &SourceInfo {
+        self.folder.info()
+    }
+    fn pass_over(&mut self, count: usize) -> Result<()> {
+        self.next = self.next.saturating_add(count);
+        self.folder.pass_over(count)
     }
 }
 
