@@ -28,7 +28,7 @@ pub(crate) const ALL: [Body; 13] = [
     ("raw", raw, 1 << 14),
     ("toml", toml, 1 << 13),
     ("models", models, 1 << 16),
-    ("states", states, 1 << 19),
+    ("states", states, 1 << 20),
     ("mot", mot, 1 << 12),
     ("boxes", boxes, 1 << 12),
     ("idx", idx, 1 << 14),
