@@ -125,7 +125,7 @@ fn the_folder_of_a_killed_server_is_removed() {
         let server = Server::start(dir.path(), &args);
         let session = open(&server, "0/clip")["session"].clone();
         let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast", "policy": null, "seed": 4 });
-        for message in [start, json!({ "op": "save", "session": session, "film": false, "report": false })] {
+        for message in [start, json!({ "op": "save", "session": session, "film": true, "report": false })] {
             assert_eq!(server.ask(&message.to_string()).0, 200, "{message}");
         }
         while leftovers(dir.path()).is_empty() {
