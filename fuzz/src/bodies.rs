@@ -15,6 +15,7 @@ use foveate::scene::{Detection, Image};
 use foveate::video::mot::Tracks;
 use foveate::video::{Decoder, Options, Pixels, Raw, annotation, decode_image, open_with, vot};
 use foveate::{BBox, MultiTracker, Tracker};
+use foveate_cli::convert::{Boxes, Format};
 
 use super::{http, message};
 
@@ -22,7 +23,7 @@ use super::{http, message};
 pub(crate) type Body = (&'static str, fn(&[u8]), usize);
 
 /// All of them.
-pub(crate) const ALL: [Body; 13] = [
+pub(crate) const ALL: [Body; 14] = [
     ("pictures", pictures, 1 << 16),
     ("mp4", mp4, 1 << 16),
     ("raw", raw, 1 << 14),
@@ -31,6 +32,7 @@ pub(crate) const ALL: [Body; 13] = [
     ("states", states, 1 << 20),
     ("mot", mot, 1 << 12),
     ("boxes", boxes, 1 << 12),
+    ("annotations", annotations, 1 << 13),
     ("idx", idx, 1 << 14),
     ("targets", targets, 1 << 10),
     ("calls", calls, 1 << 8),
@@ -211,6 +213,20 @@ pub(crate) fn boxes(bytes: &[u8]) {
     }
     if let Some(truth) = vot::parse_truth(text, path).ok().filter(|truth| sane(truth)) {
         vot::parse_truth(&vot::format_truth(&truth), path).expect("what is written can be read");
+    }
+}
+
+/// CVAT's XML and COCO's JSON.
+pub(crate) fn annotations(bytes: &[u8]) {
+    for format in [Format::Cvat, Format::Coco] {
+        with_file("boxes", bytes, |path| {
+            let Ok(boxes) = Boxes::read(format, path) else { return };
+            let written = path.with_extension("written");
+            if boxes.write(format, &written).is_ok() {
+                drop(Boxes::read(format, &written));
+                let _ = std::fs::remove_file(written);
+            }
+        });
     }
 }
 

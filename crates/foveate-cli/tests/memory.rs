@@ -123,6 +123,19 @@ fn nothing_that_is_asked_for_is_taken_first() {
     let track = format!("<track id=\"1\">{}{}</track>", shape(0), shape(99_999));
     write("cvat.xml", format!("<annotations>{}</annotations>", track.repeat(1000)).as_bytes());
     refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "600000 boxes");
+    write("cvat.xml", format!("<annotations>{}</annotations>", "<a/>".repeat(8_000_000)).as_bytes());
+    refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "XML of 8000003 elements");
+    let attributes: String = (0..300_000).map(|i| format!("a{i}=\"\" ")).collect();
+    write("cvat.xml", format!("<annotations><a {attributes}/></annotations>").as_bytes());
+    refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "300000 attributes");
+    let box_of = |rest: &str| format!("{{\"image_id\":1,\"bbox\":[1,1,9,9]{rest}}}");
+    let coco = |annotations: &str| format!("{{\"images\":[{{\"id\":1}}],\"annotations\":[{annotations}]}}");
+    write("coco.json", coco(&vec![box_of(""); 2_000_000].join(",")).as_bytes());
+    refused(&["convert", "coco.json", "out.txt", "--from", "coco", "--to", "mot"], "JSON of");
+    let outline = format!(",\"segmentation\":[{}[]]", "[],".repeat(7_000_000));
+    write("coco.json", coco(&box_of(&outline)).as_bytes());
+    let (well, said) = bounded(&place, &["convert", "coco.json", "out.txt", "--from", "coco", "--to", "mot"]);
+    assert!(well && said.contains("segmentations are left out"), "{said}");
     write("blank.txt", &["\n".repeat(20_000_000).as_bytes(), b"1,2,3,4\n"].concat());
     for format in ["otb", "vot"] {
         refused(&["convert", "blank.txt", "out.json", "--from", format, "--to", "coco"], "20000001 lines");
@@ -146,7 +159,7 @@ fn nothing_that_is_asked_for_is_taken_first() {
         format!("{{\"next_frame\":{next},\"source\":\"v\",\"size\":[9,9],\"tracker\":[{tracker}0]}}")
     };
     write("state.json", state(1, &"0,".repeat(30_000_000)).as_bytes());
-    refused(&["track", "video", "--load-state", "state.json"], "a state of 60000057 bytes would take");
+    refused(&["track", "video", "--load-state", "state.json"], "a state of 60000056 bytes would take");
     write("state.json", state(u64::MAX, "").as_bytes());
     refused(&["track", "video", "--load-state", "state.json"], "18446744073709551615 frames");
 

@@ -101,6 +101,22 @@ impl Boxes {
         Ok(boxes)
     }
 
+    /// Reads the boxes of a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not of this format, has neither frames nor boxes, or has too many frames.
+    pub fn read(format: Format, path: &Path) -> Result<Self> {
+        let boxes = read(format, path)?;
+        if boxes.frames == 0 && boxes.tracks.is_empty() {
+            return Err(Error::malformed(path, "it has neither frames nor boxes; expected some"));
+        }
+        if boxes.frames > MOST {
+            let problem = format!("it has a frame {}; expected at most {MOST}", boxes.frames);
+            return Err(Error::malformed(path, problem));
+        }
+        Ok(boxes)
+    }
+
     /// Writes the boxes. Returns one sentence for each kind of information that the format does not hold.
     ///
     /// # Errors
@@ -141,14 +157,7 @@ impl Boxes {
 
 pub(crate) fn run(args: Args) -> Result<()> {
     spare(&args.output, &[&args.input])?;
-    let mut boxes = read(args.from, &args.input)?;
-    if boxes.frames == 0 && boxes.tracks.is_empty() {
-        return Err(Error::malformed(&args.input, "it has neither frames nor boxes; expected some"));
-    }
-    if boxes.frames > MOST {
-        let problem = format!("it has a frame {}; expected at most {MOST}", boxes.frames);
-        return Err(Error::malformed(&args.input, problem));
-    }
+    let mut boxes = Boxes::read(args.from, &args.input)?;
     if let Some(id) = args.id {
         boxes.tracks.retain(|b| b.id == id);
         if boxes.tracks.is_empty() {

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use foveate::video::mot::TrackBox;
-use foveate::{BBox, Error, Result, files};
-use serde::Deserialize;
+use foveate::{BBox, Error, Result, files, memory};
+use serde::de::{IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use super::Boxes;
 
@@ -14,7 +15,7 @@ struct File {
     images: Vec<Image>,
     annotations: Vec<Annotation>,
     #[serde(default)]
-    categories: Vec<serde_json::Value>,
+    categories: Vec<IgnoredAny>,
 }
 
 #[derive(Deserialize)]
@@ -31,14 +32,67 @@ struct Annotation {
     track_id: Option<i64>,
     score: Option<f64>,
     #[serde(default)]
-    segmentation: serde_json::Value,
+    segmentation: Filled,
     #[serde(default)]
-    iscrowd: serde_json::Value,
+    iscrowd: Filled,
 }
+
+/// Whether a value is none of null, false, 0 and the empty list. The value is not kept: it may be large.
+#[derive(Default)]
+struct Filled(bool);
+
+impl<'de> Deserialize<'de> for Filled {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        deserializer.deserialize_any(AnyValue).map(Self)
+    }
+}
+
+struct AnyValue;
+
+impl<'de> Visitor<'de> for AnyValue {
+    type Value = bool;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("any value")
+    }
+    fn visit_unit<E>(self) -> std::result::Result<bool, E> {
+        Ok(false)
+    }
+    fn visit_bool<E>(self, value: bool) -> std::result::Result<bool, E> {
+        Ok(value)
+    }
+    fn visit_i64<E>(self, value: i64) -> std::result::Result<bool, E> {
+        Ok(value != 0)
+    }
+    fn visit_u64<E>(self, value: u64) -> std::result::Result<bool, E> {
+        Ok(value != 0)
+    }
+    fn visit_f64<E>(self, value: f64) -> std::result::Result<bool, E> {
+        Ok(value != 0.0)
+    }
+    fn visit_str<E>(self, value: &str) -> std::result::Result<bool, E> {
+        Ok(!value.is_empty())
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> std::result::Result<bool, A::Error> {
+        let mut filled = false;
+        while list.next_element::<IgnoredAny>()?.is_some() {
+            filled = true;
+        }
+        Ok(filled)
+    }
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> std::result::Result<bool, A::Error> {
+        while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
+        Ok(true)
+    }
+}
+
+/// Bytes in memory for each of the text, at most: of an annotation with nothing but an image and a box.
+const PARSED: u64 = 8;
 
 /// Frames are the images ordered by `frame_id`, or by `id` if an image has no `frame_id`.
 pub(super) fn read(path: &Path) -> Result<Boxes> {
     let text = files::read(path, files::TEXT)?;
+    memory::check(format_args!("{}: JSON of {} bytes", path.display(), text.len()), PARSED * text.len() as u64)?;
     let file: File = serde_json::from_slice(&text)
         .map_err(|e| Error::malformed(path, format!("expected COCO's images and annotations: {e}")))?;
     let ordered = file.images.iter().all(|image| image.frame_id.is_some());
@@ -59,10 +113,9 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         boxes.tracks.push(TrackBox { frame, id: a.track_id.unwrap_or(-1), bbox, confidence: a.score.unwrap_or(1.0) });
     }
     let count = |such: &dyn Fn(&Annotation) -> bool| file.annotations.iter().filter(|a| such(a)).count();
-    let empty = |v: &serde_json::Value| v.is_null() || v.as_array().is_some_and(Vec::is_empty);
     boxes.lose(count(&|a| a.track_id.is_none()), "boxes have no track_id: they are detections, of the id -1");
-    boxes.lose(count(&|a| !empty(&a.segmentation)), "segmentations are left out");
-    boxes.lose(count(&|a| a.iscrowd == 1 || a.iscrowd == true), "boxes are crowds; that is left out");
+    boxes.lose(count(&|a| a.segmentation.0), "segmentations are left out");
+    boxes.lose(count(&|a| a.iscrowd.0), "boxes are crowds; that is left out");
     boxes.lose(if file.categories.len() > 1 { file.categories.len() } else { 0 }, "categories are left out");
     Ok(boxes)
 }

@@ -14,9 +14,31 @@ use super::{Boxes, MOST};
 /// Estimated bytes per box: its entry in a growing list, its visibility flag, and one line of text.
 const BOX: u64 = 400;
 
+/// Estimated bytes of a parsed element with the text after it, and of an attribute.
+const ELEMENT: u64 = 150;
+const ATTRIBUTE: u64 = 60;
+/// Most attributes of an element; CVAT writes ten. The parser compares each with all others.
+const ATTRIBUTES: usize = 256;
+
+/// Checks whether memory and time suffice to parse this text. Values of attributes contain no `<`.
+fn check(path: &Path, text: &str) -> Result<()> {
+    let (mut elements, mut bytes) = (0, 0);
+    for element in text.split('<') {
+        let attributes = element.bytes().filter(|byte| *byte == b'=').count();
+        if attributes > ATTRIBUTES {
+            let problem = format!("an element has {attributes} attributes; expected at most {ATTRIBUTES}");
+            return Err(Error::malformed(path, problem));
+        }
+        elements += 1;
+        bytes += ELEMENT + ATTRIBUTE * attributes as u64;
+    }
+    memory::check(format_args!("{}: XML of {elements} elements", path.display()), bytes)
+}
+
 /// Interpolates boxes linearly between non-adjacent key frames, as CVAT does.
 pub(super) fn read(path: &Path) -> Result<Boxes> {
     let text = files::read_text(path, files::TEXT)?;
+    check(path, &text)?;
     let wrong = |problem: String| Error::malformed(path, problem);
     let document = Document::parse(&text).map_err(|e| wrong(format!("expected XML of CVAT for video 1.1: {e}")))?;
     let root = document.root_element();
