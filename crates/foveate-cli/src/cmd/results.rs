@@ -245,7 +245,8 @@ impl Results {
 impl Drop for Results {
     fn drop(&mut self) {
         // A fault of the program ends an endless run, too: its files stay.
-        if !self.kept && !(self.live && std::thread::panicking()) {
+        let stays = self.kept || (self.live && std::thread::panicking());
+        if !stays {
             let _ = fs::remove_dir_all(&self.part);
             // Folders that are no longer empty stay.
             self.made.iter().rev().for_each(|folder| drop(fs::remove_dir(folder)));
