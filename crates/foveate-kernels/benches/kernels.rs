@@ -124,6 +124,20 @@ fn main() {
         shown(bf16_peak)
     );
 
+    // The layers of the box regression.
+    for (side, channels, size, stride, filters) in
+        [(68, 3, 5, 2, 16), (34, 17, 3, 2, 32), (18, 32, 3, 2, 64), (10, 64, 3, 1, 64), (10, 64, 3, 2, 48)]
+    {
+        let places = (side - size) / stride + 1;
+        let (weights, bias) = (values(size * size * channels * filters, 8), values(filters, 9));
+        let (map, mut out) = (values(side * side * channels, 10), vec![0.0; places * places * filters]);
+        let layer = Layer { side, channels, size, stride, pool: 1, cut: true, weights: &weights, bias: &bias };
+        let what = format!("convolve, {side} x {side} x {channels} by {filters} of {size} x {size}");
+        report(&what, (2 * places * places * weights.len()) as f64, "flop", f32_peak, || {
+            convolve(black_box(&layer), &map, &mut out);
+        });
+    }
+
     let x = values(128_000, 1);
     let (mut y, bias) = (x.clone(), values(500, 2));
     let n = x.len() as f64;

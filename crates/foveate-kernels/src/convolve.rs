@@ -3,12 +3,13 @@
 //!
 //! Maps have their channels side by side: value c of place (x, y) is at (y · side + x) · channels + c.
 
-use crate::level::{greater, levels, multiply_add};
+use crate::level::{AVX512, greater, levels, multiply_add};
 
 /// Filters that are summed side by side: a layer has a multiple of them.
 pub const FILTERS: usize = 16;
-/// Places in a row that are summed side by side.
+/// Places in a row that are summed side by side; twice as many where there are registers for them.
 const PLACES: usize = 4;
+const MANY: usize = 8;
 
 /// The numbers of a layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,6 +73,10 @@ fn convolve_body<const V: u8>(layer: &Layer<'_>, map: &[f32], out: &mut [f32]) {
     for (above, out) in out.chunks_exact_mut(places / pool * filters).enumerate() {
         for first in 0..filters / FILTERS {
             let mut left = 0;
+            while V == AVX512 && left + MANY <= places {
+                some::<V, MANY>(layer, map, (filters, places), (above, left, first), out);
+                left += MANY;
+            }
             while left + PLACES <= places {
                 some::<V, PLACES>(layer, map, (filters, places), (above, left, first), out);
                 left += PLACES;
@@ -104,12 +109,12 @@ fn some<const V: u8, const P: usize>(
         }
         for row in 0..size {
             let from = ((top * stride + row) * side + left * stride) * channels;
-            let map = &map[from..][..((P - 1) * stride + size) * channels];
+            let rows: [&[f32]; P] = std::array::from_fn(|place| &map[from + place * stride * channels..][..across]);
             let weights = &weights[row * across * filters..][..across * filters];
-            for (i, weights) in weights.chunks_exact(filters).enumerate() {
+            for (i, weights) in (0..across).zip(weights.chunks_exact(filters)) {
                 let weights: &[f32; FILTERS] = weights[first * FILTERS..].first_chunk().expect("whole filters");
-                for (place, sums) in sums.iter_mut().enumerate() {
-                    let value = map[place * stride * channels + i];
+                for (row, sums) in rows.iter().zip(&mut sums) {
+                    let value = row[i];
                     for (sum, weight) in sums.iter_mut().zip(weights) {
                         *sum = multiply_add::<V>(value, *weight, *sum);
                     }
