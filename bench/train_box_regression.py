@@ -8,21 +8,24 @@ Usage:
   foveate eval --seqs data/tracking data/tracking-wide data/tracking-train --half a --set box_regression.weights=b.json
   bench/train_box_regression.py --data data --more train --out natural-boxes.json  # of both halves, as it ships
 
-The network reads two pictures of 32 x 32 cells, each of a box and half its size more on every side: that of the target in frame 1, and that
-of a box near the target, of another size or shape, or far from it. The fourth channel of both is the probability of each cell's colour, by
+The network reads two pictures of 64 x 64 cells, each of a box and half its size more on every side: that of the target in frame 1, and that
+of a box near the target, of another size or shape, or far from it. Beside them stand the probabilities of the colours of 32 x 32 cells, by
 histograms of the first picture. Seven tenths of a batch are pairs of frames of a track, with its true boxes; four tenths of the targets with
 masks are cut out and put before photographs. The others are pieces of photographs put before others, then turned, bent, stretched. Four
 tenths of the boxes near a track's target have frame 1's shape. The second picture is covered in part, blurred, lit, made noisy; both are
 grey, mirrored or, half of the batches, of other colours and turned by quarters.
 
-The loss is |error| / s + log s of centre, log size and half the log of width / height, with s the expected error; the cross-entropy of "the
-target is not here" (IoU below 0.1) and of the mask, where there is one; and the error of the overlap. Mask and overlap are not kept.
+Two maps say where the corners are. The loss is |error| / s + log s of centre, log size and half the log of width / height, with s the
+expected error; the cross-entropy of "the target is not here" (IoU below 0.1) and of the mask, where there is one; and the error of the
+overlap. Mask and overlap are not kept. The weights are a running mean over the steps.
 
-2400 steps take 11 minutes on a core. Output: JSON that crates/foveate-core/src/identity/box_regression/network.rs reads, weights as bytes with
-a scale for each filter.
+A graphics card is used where there is one: 2100 steps of 512 pairs take 4 minutes on an H200 that trains three networks at once. Output: JSON
+that crates/foveate-core/src/identity/box_regression/network.rs reads, weights as bytes with a scale for each filter; and beside it FILE.pt,
+from which --from FILE.pt goes on.
 """
 import argparse
 import base64
+import copy
 import glob
 import hashlib
 import json
@@ -39,11 +42,13 @@ from PIL import Image
 
 from sequences import sequences
 
-SIDE, REACH = 32, 2.0  # cells of a picture along a side; half sides of the box that they reach
-KEPT, BOXES = 120, 6  # pixels along a side of what is kept of a frame, and how many boxes they cover
+SIDE, COARSE, REACH = 64, 32, 2.0  # cells and coarse cells of a picture along a side; half sides of the box that they reach
+KEPT, BOXES = 160, 5  # pixels along a side of what is kept of a frame, and how many boxes they cover
 PHOTO = (481, 321)
 BINS = 8
 uniform, normal = torch.rand, torch.randn
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+FINE = ((torch.arange(16) + 0.5) / 16 * 2 - 1).to(DEVICE) * 2.5  # where the places of a corner's map are, half sides of the box
 
 
 # ---- pictures ----
@@ -64,7 +69,7 @@ def tracks(data, more, half):
     out = []
     for name, kind, folder, files, truth in sequences(data, half, more):
         masks = cv2.imread(f"{folder}/mask.png", cv2.IMREAD_GRAYSCALE) if os.path.exists(f"{folder}/mask.png") else None
-        chosen = [i for i in range(0, len(files), 2 if len(files) > 160 else 1) if not np.isnan(truth[i]).any() and truth[i][2:].min() >= 3]
+        chosen = [i for i in range(0, len(files), -(-len(files) // 80)) if not np.isnan(truth[i]).any() and truth[i][2:].min() >= 3]
         frames, kept = [], []
         for i in chosen:
             image = cv2.imread(files[i])[:, :, ::-1]
@@ -120,7 +125,7 @@ def bins(cells):
 
 def histograms(cells):
     """Of the target and of its surroundings: n x 2 x BINS ** 3."""
-    at = ((torch.arange(SIDE) + 0.5) / SIDE * 2 * REACH - REACH).abs()
+    at = ((torch.arange(COARSE) + 0.5) / COARSE * 2 * REACH - REACH).abs()
     far = torch.maximum(at[:, None], at[None, :]).reshape(-1)
     n, (index, weight) = len(cells), bins(cells)
     out = torch.zeros(n, 2, BINS**3)
@@ -141,17 +146,17 @@ def probability(histograms, cells, empty=0.004):
 class Pairs:
     def __init__(self, tracks, photographs):
         self.count = len(photographs[0])
-        self.photographs = torch.cat([x.reshape(-1, 3) for x in photographs])
+        self.photographs = torch.cat([x.reshape(-1, 3) for x in photographs]).to(DEVICE)
         starts = np.cumsum([0] + [x[..., 0].numel() for x in photographs])[:-1]
         self.levels = torch.tensor([(s, x.shape[2], x.shape[1], x[0, ..., 0].numel()) for s, x in zip(starts, photographs)])
-        self.frames = torch.cat([frames for _, frames, _, _ in tracks]).reshape(-1, 4)
+        self.frames = torch.cat([frames for _, frames, _, _ in tracks]).reshape(-1, 4).to(DEVICE)
         self.masked = torch.tensor([masked for _, _, masked, _ in tracks])
-        self.sizes = torch.cat([torch.from_numpy(sizes) for _, _, _, sizes in tracks]).float()
+        self.sizes = torch.cat([torch.from_numpy(sizes) for _, _, _, sizes in tracks]).float().to(DEVICE)
         lengths = [len(frames) for _, frames, _, _ in tracks]
         self.lengths = torch.tensor(lengths)
         self.starts = torch.tensor(np.cumsum([0] + lengths)[:-1])
         often = np.array([0.5 if kind in ("air", "thermal") else 1.0 for kind, _, _, _ in tracks])  # 54 of 159 are specks in the sky
-        self.often = torch.from_numpy(often / often.sum()).float()
+        self.often = torch.from_numpy(often / often.sum()).float().to(DEVICE)
         at = (torch.arange(SIDE) + 0.5) / SIDE * 2 * REACH - REACH
         self.y, self.x = (z.reshape(1, -1) for z in torch.meshgrid(at, at, indexing="ij"))
 
@@ -194,7 +199,7 @@ class Pairs:
             off = ((x + outline[:, 0]) / rx).abs().clamp(max=4) ** power + ((y + outline[:, 1]) / ry).abs().clamp(max=4) ** power
             return ((1.1 - off) / 0.35).clamp(0, 1)[..., None]
 
-        pixels = half * 2 / 16
+        pixels = half * 2 * REACH / SIDE
         at_first = torch.maximum(mask(self.x, self.y), whole[..., None].float())
         first = self.photograph(a, ax + self.x * w, ay + self.y * h, pixels) * at_first
         first = first + self.photograph(b, bx + self.x * w, by + self.y * h, pixels) * (1 - at_first)
@@ -251,7 +256,7 @@ class Pairs:
             one = torch.randint(self.count, (n,))
             two = torch.where(uniform(n) < 0.6, one, torch.randint(self.count, (n,)))
             at, down, step = uniform(n, 1) * 481, uniform(n, 1) * 321, torch.exp(uniform(n, 1) * 1.8) * 1.5 * 8
-            pixels = step[:, 0] * 4 / 32
+            pixels = step[:, 0] * 2 * REACH / SIDE
             before = self.photograph(one, at + self.x * step, down + self.y * step, pixels)
             now = self.photograph(two, at + normal(n, 1) * step * 0.5 + x[k] * step, down + normal(n, 1) * step * 0.5 + y[k] * step, pixels * scale[k, 0])
             both = (uniform(n) < 0.6)[:, None, None]
@@ -262,10 +267,10 @@ class Pairs:
 
     def blurred(self, picture, axis, width):
         width = width[:, None]
-        kernel = (width / 2 + 0.5 - torch.arange(-4, 5)[None].abs()).clamp(0, 1)
+        kernel = (width / 2 + 0.5 - torch.arange(-8, 9)[None].abs()).clamp(0, 1)
         kernel = kernel / kernel.sum(1, keepdim=True)
-        padded = F.pad(picture, (4, 4, 0, 0) if axis == 3 else (0, 0, 4, 4), mode="replicate")
-        return sum(kernel[:, k].view(-1, 1, 1, 1) * padded.narrow(axis, k, SIDE) for k in range(9))
+        padded = F.pad(picture, (8, 8, 0, 0) if axis == 3 else (0, 0, 8, 8), mode="replicate")
+        return sum(kernel[:, k].view(-1, 1, 1, 1) * padded.narrow(axis, k, SIDE) for k in range(17))
 
     def changed(self, first, second):
         n = len(first)
@@ -281,9 +286,9 @@ class Pairs:
         k = often(0.3).nonzero()[:, 0]
         if len(k):
             at, down = uniform(len(k), 1) * 481, uniform(len(k), 1) * 321
-            cover = picture(self.photograph(which[k], at + self.x * step[k] * 4, down + self.y * step[k] * 4, step[k, 0] / 2))
+            cover = picture(self.photograph(which[k], at + self.x * step[k] * 4, down + self.y * step[k] * 4, step[k, 0] * 16 / SIDE))
             second[k] = torch.where(hidden[k].view(-1, 1, SIDE, SIDE), cover, second[k])
-        moves, level, far = often(0.3), often(0.5), uniform(n) * 5 + 1
+        moves, level, far = often(0.3), often(0.5), uniform(n) * 10 + 1
         second = self.blurred(second, 3, torch.where(moves & level, far, 1.0))
         second = self.blurred(second, 2, torch.where(moves & ~level, far, 1.0))
         second = second * torch.exp(normal(*one) * 0.15 + normal(n, 3, 1, 1) * 0.04) + normal(*one) * 8
@@ -303,7 +308,7 @@ class Pairs:
         if uniform(1).item() < 0.5:  # other colours; half of them turned by quarters
             order = torch.stack([torch.randperm(3) for _ in range(16)])[torch.randint(16, (n,))]
             order = torch.where((uniform(n) < 0.5)[:, None], order, torch.arange(3))[:, :, None, None]
-            negative = (uniform(n) < 0.15).view(-1, 1, 1, 1)
+            negative = (uniform(n) < 0.07).view(-1, 1, 1, 1)
             first, second = (torch.where(negative, 255 - x, x) for x in (x.gather(1, order.expand_as(x)) for x in (first, second)))
             quarters, q, mixed = torch.randint(4, (1,)).item(), n // 2, torch.randperm(n)
             first, second, centre, log_scale, half_aspect, gone, mask, masked = (
@@ -318,9 +323,9 @@ class Pairs:
         first, second = (torch.where(mirrored.view(-1, 1, 1, 1), x.flip(3), x) for x in (first, second))
         mask = torch.where(mirrored.view(-1, 1, 1), mask.flip(2), mask)
         centre = torch.where(mirrored[:, None], centre * torch.tensor([-1.0, 1.0]), centre)
-        cells = lambda x: x.permute(0, 2, 3, 1).reshape(n, -1, 3)
+        cells = lambda x: F.avg_pool2d(x, 2).permute(0, 2, 3, 1).reshape(n, -1, 3)
         found = histograms(cells(first))
-        colours = [probability(found, cells(x)).view(n, 1, SIDE, SIDE) for x in (first, second)]
+        colours = [probability(found, cells(x)).view(n, 1, COARSE, COARSE) for x in (first, second)]
         return [first, second, *colours], *truth(centre, log_scale, half_aspect, gone), mask, masked
 
 
@@ -342,61 +347,80 @@ class Network(nn.Module):
         block = lambda i, o, size, stride: nn.Sequential(
             nn.Conv2d(i, o, size, stride=stride, padding=size // 2, bias=False), nn.BatchNorm2d(o), nn.ReLU()
         )
-        self.first, self.second, self.third = block(4, 16, 5, 2), block(16, 32, 3, 2), nn.Conv2d(32, 32, 3, padding=1)
+        self.first, self.second, self.third = block(3, 16, 5, 2), block(17, 32, 3, 2), block(32, 64, 3, 2)
+        self.fourth = nn.Conv2d(64, 32, 3, padding=1)
         self.search, self.template = nn.Conv2d(32, 16, 1), nn.Conv2d(32, 16, 1)
-        self.joint, self.narrow = block(25 + 16 + 16, 48, 3, 1), block(48, 48, 3, 2)
-        self.dense, self.answer = nn.Conv2d(48, 64, 4), nn.Conv2d(64, 9, 1)
+        self.joint, self.again, self.narrow = block(25 + 16 + 16, 64, 3, 1), block(64, 64, 3, 1), block(64, 48, 3, 2)
+        self.dense, self.answer = nn.Conv2d(48, 64, 4), nn.Conv2d(64, 5, 1)
+        self.corners = nn.Conv2d(64, 8, 3, padding=1)  # 2 x 2 quarters of each place, of two corners
+        y, x = torch.meshgrid(FINE.cpu(), FINE.cpu(), indexing="ij")
+        self.prior = nn.Parameter(torch.stack([-2 * ((x + 1) ** 2 + (y + 1) ** 2), -2 * ((x - 1) ** 2 + (y - 1) ** 2)]))
         self.besides = nn.Conv2d(64, 1, 1)  # overlap: not kept
-        self.mask = nn.Conv2d(48, 16, 1)  # 4 x 4 cells of each place: not kept
+        self.mask = nn.Conv2d(64, 16, 1)  # 4 x 4 cells of each place: not kept
 
     def features(self, picture, colours):
         mean = picture.mean((1, 2, 3), keepdim=True)
         deviation = (picture.mean(1, keepdim=True) - mean).pow(2).mean((2, 3), keepdim=True).sqrt()
-        return self.third(self.second(self.first(torch.cat([(picture - mean) / (deviation + 8), 4 * (colours - 0.5)], 1))))
+        found = self.first((picture - mean) / (deviation + 8))
+        return self.fourth(self.third(self.second(torch.cat([found, (4 * (colours - 0.5)).to(found.dtype)], 1))))
 
     def forward(self, first, second, first_colours, second_colours):
         there, here = self.features(torch.cat([first, second]), torch.cat([first_colours, second_colours])).chunk(2)
         even = lambda x: x / (x.pow(2).mean(1, keepdim=True) + 0.01).sqrt()
-        around, middle = F.pad(even(there), (2, 2, 2, 2)), even(here)
-        compared = [(middle * around[:, :, i : i + 8, j : j + 8]).mean(1) for i in range(5) for j in range(5)]
-        joined = self.joint(torch.cat([torch.stack(compared, 1), self.search(here), self.template(there)], 1))
+        around, middle = F.pad(even(there.float()), (2, 2, 2, 2)), even(here.float())
+        compared = torch.stack([(middle * around[:, :, i : i + 8, j : j + 8]).mean(1) for i in range(5) for j in range(5)], 1)
+        joined = self.again(self.joint(torch.cat([compared.to(here.dtype), self.search(here), self.template(there)], 1)))
         dense = F.relu(self.dense(self.narrow(joined)))
-        return torch.cat([self.answer(dense), self.besides(dense)], 1)[:, :, 0, 0], F.pixel_shuffle(self.mask(joined), 4)[:, 0]
+        logits = F.pixel_shuffle(self.corners(joined), 2).float() + self.prior
+        maps = logits.flatten(2).softmax(2).view(-1, 2, 16, 16)
+        x, y = (maps.sum(2) * FINE).sum(2), (maps.sum(3) * FINE).sum(2)  # of both corners
+        wide, high = (((z[:, 1] - z[:, 0]) / 2).clamp(min=0.1).log() for z in (x, y))
+        place = torch.stack([x.mean(1), y.mean(1), (wide + high) / 2, (wide - high) / 2], 1)
+        rest = [self.answer(dense)[:, :, 0, 0].float(), self.besides(dense)[:, :, 0, 0].float()]
+        return torch.cat([place, *rest], 1), F.pixel_shuffle(self.mask(joined), 4)[:, 0].float()
 
 
 def cost(answer, masks, offsets, overlap, mask, masked):
     error, spread = (answer[:, :4] - offsets).abs(), answer[:, 4:8].clamp(-4, 2)
     there = (error * torch.exp(-spread) + spread).sum(1) * (overlap > 0.1)
     lost = F.binary_cross_entropy_with_logits(answer[:, 8], (overlap <= 0.1).float())
-    shapes = F.binary_cross_entropy_with_logits(masks[masked], mask[masked]) if masked.any() else 0.0
+    shapes = F.binary_cross_entropy_with_logits(masks, mask, reduction="none").mean((1, 2))
+    shapes = (shapes * masked).sum() / (masked.sum() + 1e-6)
     return there.mean() + 2 * lost + 5 * ((answer[:, 9] - overlap) ** 2).mean() + 2 * shapes, error
 
 
 def train(network, pairs, args):
-    optimiser = torch.optim.AdamW(network.parameters(), lr=0.002, weight_decay=0.01)
-    kept = []
+    """The running mean of the weights over the steps."""
+    optimiser = torch.optim.AdamW(network.parameters(), lr=0.002, weight_decay=0.02)
+    kept, mean = [], copy.deepcopy(network)
+    numbers = lambda network: [x for x in [*network.parameters(), *network.buffers()] if x.dtype.is_floating_point]
     for step in range(args.steps):
         for group in optimiser.param_groups:
-            group["lr"] = 0.002 * min(1, (step + 1) / 100) * (0.5 * (1 + math.cos(math.pi * step / args.steps)) + 0.01)
-        if len(kept) < 4 or step % 2 == 0:  # making a batch costs more than learning from it: each is seen about twice
+            group["lr"] = 0.002 * min(1, (step + 1) / 200) * (0.5 * (1 + math.cos(math.pi * step / args.steps)) + 0.005)
+        with torch.no_grad():
+            kept = (kept + [pairs.batch(args.batch, args.share)])[-4:]
+        # Making a batch costs more than learning from it: each is seen twice, once mirrored.
+        for mirrored, (pictures, offsets, overlap, mask, masked) in ((False, kept[-1]), (True, kept[torch.randint(len(kept), (1,)).item()])):
+            if mirrored:
+                pictures, mask, offsets = [x.flip(3) for x in pictures], mask.flip(2), offsets * torch.tensor([-1.0, 1, 1, 1])
+            with torch.autocast(DEVICE, dtype=torch.bfloat16, enabled=DEVICE == "cuda"):
+                answer, masks = network(*pictures)
+            loss, error = cost(answer, masks, offsets, overlap, F.avg_pool2d(mask[:, None], 2)[:, 0], masked)
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()
+            nn.utils.clip_grad_norm_(network.parameters(), 2.0)
+            optimiser.step()
             with torch.no_grad():
-                kept = (kept + [pairs.batch(args.batch, args.share)])[-6:]
-        pictures, offsets, overlap, mask, masked = kept[-1 if step % 2 == 0 else step // 2 % len(kept)]
-        if step % 4 == 3:
-            pictures, mask, offsets = [x.flip(3) for x in pictures], mask.flip(2), offsets * torch.tensor([-1.0, 1, 1, 1])
-        loss, error = cost(*network(*pictures), offsets, overlap, mask, masked)
-        optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        nn.utils.clip_grad_norm_(network.parameters(), 2.0)
-        optimiser.step()
+                torch._foreach_lerp_(numbers(mean), numbers(network), 1 - min(0.999, (step + 1) / (step + 20)))
         if (step + 1) % 100 == 0:
             near = (overlap > 0.1) & (offsets.abs().amax(1) < 0.5)
             errors, staying = (", ".join(f"{x:.3f}" for x in each[near].abs().mean(0)) for each in (error, offsets))
             print(f"step {step + 1}: {loss.item():.3f}; errors right, down, size, shape {errors} (staying: {staying})", flush=True)
+    return mean
 
 
 def save(network, path, command, data):
-    text = lambda x, kind: base64.b64encode(x.detach().contiguous().numpy().astype(kind).tobytes()).decode()
+    text = lambda x, kind: base64.b64encode(x.detach().cpu().contiguous().numpy().astype(kind).tobytes()).decode()
     layers = []
     for name, layer in network.eval().named_children():
         if name in ("besides", "mask"):
@@ -406,6 +430,9 @@ def save(network, path, command, data):
             weights, bias = layer[0].weight * gain[:, None, None, None], layer[1].bias - layer[1].running_mean * gain
         else:
             weights, bias = layer.weight, layer.bias
+        if name == "corners":  # each place has a bias of its own
+            bias = bias.view(-1, 1, 1) + F.pixel_unshuffle(network.prior[None], 2)[0]
+            bias = bias.permute(1, 2, 0).reshape(-1)
         scale = (weights.abs().amax((1, 2, 3)) / 127).clamp(min=1e-12)
         whole = (weights / scale[:, None, None, None]).round().clamp(-127, 127).permute(2, 3, 1, 0)
         layers.append({"name": name, "shape": list(whole.shape), "weights": text(whole, "i1"), "scales": text(scale, "<f4"), "bias": text(bias, "<f4")})
@@ -421,18 +448,23 @@ def main():
     parser.add_argument("--out", required=True)
     parser.add_argument("--half", choices=["a", "b"], help="tracks of this half alone")
     parser.add_argument("--share", type=float, default=0.7, help="of tracks in a batch")
-    parser.add_argument("--steps", type=int, default=2400)
-    parser.add_argument("--batch", type=int, default=160)
+    parser.add_argument("--steps", type=int, default=2700)
+    parser.add_argument("--batch", type=int, default=512)
+    parser.add_argument("--from", dest="start", help="FILE.pt of an earlier run")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     torch.manual_seed(args.seed)
-    torch.set_num_threads(1)
+    torch.set_default_device(DEVICE)
     pairs = Pairs(tracks(args.data, args.more, args.half), photographs(args.data))
-    network = Network()
-    train(network, pairs, args)
+    network = Network().to(DEVICE)
+    if args.start:
+        network.load_state_dict(torch.load(args.start, map_location=DEVICE))
+    network = train(network, pairs, args)
+    torch.save(network.state_dict(), args.out + ".pt")
     half = f" --half {args.half}" if args.half else ""
-    command = f"bench/train_box_regression.py --data DATA --more TRAIN{half} --share {args.share} --steps {args.steps} --batch {args.batch} --seed {args.seed} --out FILE"
-    digest = hashlib.sha256(pairs.frames.numpy().tobytes() + pairs.photographs.numpy().tobytes()).hexdigest()
+    start = f" --from {args.start}" if args.start else ""
+    command = f"bench/train_box_regression.py --data DATA --more TRAIN{half} --share {args.share} --steps {args.steps} --batch {args.batch} --seed {args.seed}{start} --out FILE"
+    digest = hashlib.sha256(pairs.frames.cpu().numpy().tobytes() + pairs.photographs.cpu().numpy().tobytes()).hexdigest()
     save(network, args.out, command, f"tracks of {f'half {args.half}' if args.half else 'both halves'} and photographs, sha256 {digest}")
 
 

@@ -40,6 +40,8 @@ use foveate_base::{Error, Result};
 
 pub use network::{Answer, Network};
 
+/// The largest expected error, half sides and log scale.
+const MOST_ERROR: f64 = 1.0;
 /// The farthest that a box goes, half sides and log scale: the network was trained on boxes that are farther off, and errs there.
 const FARTHEST: f64 = 0.5;
 
@@ -65,7 +67,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { weights: "builtin:natural-boxes".into(), gain: 0.85, every: 3, rate: 0.5, follow: 0.0 }
+        Self { weights: "builtin:natural-boxes".into(), gain: 1.0, every: 3, rate: 0.7, follow: 0.0 }
     }
 }
 
@@ -104,7 +106,8 @@ pub struct BoxRegression {
     pub(crate) state: BoxState,
     colours: Colours,
     glimpse: Glimpse,
-    input: Vec<f32>,
+    /// The network's second input: of each coarse cell, the probability of its colour.
+    colour: Vec<f32>,
     scratch: Scratch,
 }
 
@@ -115,6 +118,8 @@ struct Correction {
     frames: u64,
     /// The running mean: right and down, half sides; log size; half the log of width / height.
     mean: [f64; 4],
+    /// The network's expected errors of the four, of the last evaluation.
+    errors: [f64; 4],
 }
 
 /// What a box regression keeps between frames.
@@ -130,14 +135,15 @@ pub(crate) struct BoxState {
 impl Validate<bool> for BoxState {
     /// The setting is whether there is a target.
     fn validate(&self, has_target: &bool) -> Valid {
-        let Self { template, histograms, correction: Correction { frames, mean } } = self;
+        let Self { template, histograms, correction: Correction { frames, mean, errors } } = self;
         let expected = if *has_target { network::KEPT } else { 0 };
         if template.len() != expected || template.iter().any(|x| x.abs() > MOST) {
             return Err(format!("its template is not {expected} features"));
         }
         ensure(histograms.are_of(*has_target), || "its colours are not two pairs of histograms".into())?;
-        ensure(mean.iter().all(|x| x.abs() <= FARTHEST) && *frames <= MOST_FRAMES, || {
-            format!("it moves the box by {mean:?} after {frames} frames")
+        let expected = errors.iter().all(|x| (0.0..=MOST_ERROR).contains(x));
+        ensure(mean.iter().all(|x| x.abs() <= FARTHEST) && expected && *frames <= MOST_FRAMES, || {
+            format!("it moves the box by {mean:?} with errors of {errors:?} after {frames} frames")
         })
     }
 }
@@ -145,14 +151,14 @@ impl Validate<bool> for BoxState {
 impl BoxRegression {
     /// Of a network.
     pub fn new(network: Arc<Network>, settings: Settings) -> Self {
-        let (state, colours, glimpse, input, scratch) = Default::default();
-        Self { network, settings, template: None, state, colours, glimpse, input, scratch }
+        let (state, colours, glimpse, colour, scratch) = Default::default();
+        Self { network, settings, template: None, state, colours, glimpse, colour, scratch }
     }
 
     /// Sets the template to the content of this box.
     pub fn imprint(&mut self, image: &Image, state: &State, extent: Extent) {
         self.glimpse.take(image, state, extent);
-        let histograms = Histograms::of(&self.glimpse.grey);
+        let histograms = Histograms::of(&self.glimpse.coarse);
         self.colours.update(&histograms);
         self.read();
         self.resume(BoxState {
@@ -181,7 +187,8 @@ impl BoxRegression {
         let (rate, gain) = (self.settings.rate, self.settings.gain);
         if self.is_due() {
             let answer = answer.unwrap_or_else(|| self.answer(image, state, extent));
-            let Answer { offset: [u, v], log_scale, half_log_aspect, lost, .. } = answer;
+            let Answer { offset: [u, v], log_scale, half_log_aspect, log_spread, lost } = answer;
+            self.state.correction.errors = log_spread.map(|x| f64::from(x).exp().min(MOST_ERROR));
             let there = 1.0 / (1.0 + f64::from(lost).exp());
             // A network that was made by somebody else may say anything.
             let found = [u, v, log_scale, half_log_aspect].map(|x| {
@@ -203,6 +210,12 @@ impl BoxRegression {
         }
     }
 
+    /// Returns the network's expected errors of the box at the last evaluation: right and down, half sides; log size; log of width / height.
+    pub fn errors(&self) -> [f64; 4] {
+        let [u, v, log_scale, half_aspect] = self.state.correction.errors;
+        [u, v, log_scale, 2.0 * half_aspect]
+    }
+
     /// Learns the colours of the last evaluation and takes a share of the correction for the particles: log size, and log of
     /// width / height. Call it after [`BoxRegression::moved`], in confident frames alone; `None` in frames without an evaluation.
     pub fn follow(&mut self) -> Option<[f64; 2]> {
@@ -210,7 +223,7 @@ impl BoxRegression {
         if settings.follow == 0.0 || !(correction.frames - 1).is_multiple_of(settings.every as u64) {
             return None;
         }
-        histograms.learn(&glimpse.grey);
+        histograms.learn(&glimpse.coarse);
         colours.update(histograms);
         let [_, _, log_scale, half_aspect] = &mut correction.mean;
         let shares = [settings.follow * *log_scale, settings.follow * *half_aspect];
@@ -234,7 +247,7 @@ impl BoxRegression {
 
     /// Frees buffers that are not needed until the next evaluation.
     pub(crate) fn compact(&mut self) {
-        (self.glimpse, self.input, self.scratch) = Default::default();
+        (self.glimpse, self.colour, self.scratch) = Default::default();
     }
 
     fn look(&mut self, image: &Image, state: &State, extent: Extent) {
@@ -244,8 +257,8 @@ impl BoxRegression {
 
     /// Computes the features of the last glimpse.
     fn read(&mut self) {
-        self.colours.input(&self.glimpse, &mut self.input);
-        self.network.look(&self.input, &mut self.scratch);
+        self.colours.input(&self.glimpse.coarse, &mut self.colour);
+        self.network.look(&self.glimpse.values, &self.colour, &mut self.scratch);
     }
 }
 

@@ -24,7 +24,12 @@ fn tracker(settings: &[&str]) -> Tracker {
 #[test]
 fn detections_weigh_particles() {
     // Looks say nothing here; one detection, three pixels to the right, does.
-    let settings = ["likelihood={ distance = \"cosine\", sharpness = 0.001 }", "detection_likelihood={ place = 0.1 }"];
+    let settings = [
+        "likelihood={ distance = \"cosine\", sharpness = 0.001 }",
+        "detection_likelihood={ place = 0.1 }",
+        "confidence.absence.weight=0",
+        "box_regression=none",
+    ];
     let beside = [Detection::new(BBox { x: INIT.x + 3.0, ..INIT }, 1.0)];
     let image = target();
     let mean = |output: Seen<'_>| output.bbox.centre().0 - INIT.centre().0;

@@ -7,7 +7,7 @@
 //! as `identity/colour.rs` has it for particles. A cell counts in the eight bins around its colour, and reads them, by trilinear weights.
 //! Half of each histogram is that of frame 1, the other half a running mean over the confident evaluations since.
 
-use super::glimpse::{CHANNELS, Glimpse, SIDE, place};
+use super::glimpse::{CHANNELS, COARSE, place};
 use crate::identity::numbers::floats;
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +51,7 @@ fn bins(pixel: &[f32; CHANNELS], mut of: impl FnMut(usize, f32)) {
 }
 
 impl Histograms {
-    /// Of a glimpse of frame 1: `SIDE` × `SIDE` × `CHANNELS`, grey levels.
+    /// Of the coarse cells of frame 1: `COARSE` × `COARSE` × `CHANNELS`, grey levels.
     pub(super) fn of(cells: &[f32]) -> Self {
         let mut first = vec![0.0; 2 * ALL];
         count(cells, 1.0, &mut first);
@@ -75,7 +75,7 @@ impl Histograms {
 fn count(cells: &[f32], rate: f32, to: &mut [f32]) {
     let (pixels, _) = cells.as_chunks::<CHANNELS>();
     let zone = |i: usize| {
-        let far = place(i % SIDE).abs().max(place(i / SIDE).abs());
+        let far = place(i % COARSE).abs().max(place(i / COARSE).abs());
         (!(INSIDE..=AROUND).contains(&far)).then_some(usize::from(far > AROUND))
     };
     let mut counts = [0.0_f32; 2];
@@ -98,13 +98,10 @@ impl Colours {
         }));
     }
 
-    /// Writes the network's input for a glimpse: each cell, and the probability of its colour as 4 (p − ½).
-    pub(super) fn input(&self, glimpse: &Glimpse, to: &mut Vec<f32>) {
+    /// Writes the network's input for coarse cells in grey levels: 4 (p − ½) of each, with the probability p of its colour.
+    pub(super) fn input(&self, coarse: &[f32], to: &mut Vec<f32>) {
         to.clear();
-        for (cell, grey) in glimpse.values.as_chunks::<CHANNELS>().0.iter().zip(glimpse.grey.as_chunks().0) {
-            to.extend_from_slice(cell);
-            to.push(4.0 * (self.probability(grey) - 0.5));
-        }
+        to.extend(coarse.as_chunks().0.iter().map(|cell| 4.0 * (self.probability(cell) - 0.5)));
     }
 
     /// The probability that a cell of this colour belongs to the target, 0 to 1.
@@ -121,8 +118,8 @@ mod tests {
 
     /// A target of one colour before another.
     fn two(target: [f32; 3], around: [f32; 3]) -> Vec<f32> {
-        let inside = |i: usize| place(i % SIDE).abs() < 1.0 && place(i / SIDE).abs() < 1.0;
-        (0..SIDE * SIDE).flat_map(|i| if inside(i) { target } else { around }).collect()
+        let inside = |i: usize| place(i % COARSE).abs() < 1.0 && place(i / COARSE).abs() < 1.0;
+        (0..COARSE * COARSE).flat_map(|i| if inside(i) { target } else { around }).collect()
     }
 
     #[test]

@@ -16,6 +16,8 @@ pub(super) struct Shape {
     pub stride: usize,
     pub channels: usize,
     pub filters: usize,
+    /// Places that have a bias of their own for each filter; 1 if all have the same.
+    pub places: usize,
     /// Whether what is negative is cut off.
     pub cut: bool,
 }
@@ -25,6 +27,7 @@ pub(super) struct Shape {
 pub(super) struct Filters {
     /// For each row, column and channel of a filter, the weights of all filters.
     pub weights: Vec<f32>,
+    /// Of each place that has its own, those of all filters.
     pub bias: Vec<f32>,
 }
 
@@ -70,14 +73,14 @@ pub(super) fn read(bytes: &[u8], path: &Path, shapes: &[Shape]) -> Result<Vec<Fi
 
 /// A layer of a file, of the shape that it must have.
 fn layer(layer: Written, shape: &Shape) -> std::result::Result<Filters, String> {
-    let Shape { name, size, channels, filters, .. } = *shape;
+    let Shape { name, size, channels, filters, places, .. } = *shape;
     let shape = [size, size, channels, filters];
     if layer.name != name || layer.shape != shape {
         return Err(format!("the layer {} of {:?} stands where {name} of {shape:?} should", layer.name, layer.shape));
     }
     let lengths =
         [("weights", layer.weights.len(), size * size * channels * filters), ("scales", layer.scales.len(), filters)];
-    for (what, found, expected) in lengths.into_iter().chain([("bias", layer.bias.len(), filters)]) {
+    for (what, found, expected) in lengths.into_iter().chain([("bias", layer.bias.len(), places * filters)]) {
         if found != expected {
             return Err(format!("{name}.{what} has {found} numbers, not {expected}"));
         }
@@ -99,14 +102,14 @@ pub(super) mod tests {
     /// Weights of random numbers, as a file.
     pub(in crate::identity::box_regression) fn random(seed: u64, shapes: &[Shape]) -> Vec<u8> {
         let mut rng = Streams::new(seed, 0).rng(0);
-        let layers = shapes.iter().map(|&Shape { name, size, channels, filters, .. }| {
+        let layers = shapes.iter().map(|&Shape { name, size, channels, filters, places, .. }| {
             let n = size * size * channels;
             Written {
                 name: name.into(),
                 shape: [size, size, channels, filters],
                 weights: (0..n * filters).map(|_| rng.random::<u8>().cast_signed()).collect(),
                 scales: vec![0.02 / (n as f32).sqrt(); filters],
-                bias: (0..filters).map(|_| rng.random::<f32>() - 0.5).collect(),
+                bias: (0..places * filters).map(|_| rng.random::<f32>() - 0.5).collect(),
             }
         });
         let file = File { command: "c".into(), data: "d".into(), layers: layers.collect() };
@@ -124,12 +127,12 @@ pub(super) mod tests {
         };
         for (bytes, part) in [
             (b"{}".to_vec(), "missing field"),
-            (change(|file| file.layers.truncate(3)), "it has 3 layers, not 9"),
+            (change(|file| file.layers.truncate(3)), "it has 3 layers, not 12"),
             (change(|file| file.layers.swap(0, 1)), "the layer second"),
             (change(|file| file.layers[2].weights.truncate(8)), "third.weights has"),
-            (change(|file| file.layers[8].bias.clear()), "answer.bias has 0 numbers, not 9"),
-            (change(|file| file.layers[8].scales[0] = 1e4), "answer has a scale or a bias beyond 1000"),
-            (change(|file| file.layers[8].scales[0] = f32::INFINITY), "not finite"),
+            (change(|file| file.layers[10].bias.clear()), "answer.bias has 0 numbers, not 5"),
+            (change(|file| file.layers[10].scales[0] = 1e4), "answer has a scale or a bias beyond 1000"),
+            (change(|file| file.layers[10].scales[0] = f32::INFINITY), "not finite"),
         ] {
             let said = said(&bytes);
             assert!(said.contains(part) && said.contains("bench/train_box_regression.py"), "{said}");

@@ -6,12 +6,14 @@ use foveate_base::memory::grow;
 use foveate_kernels as kernels;
 
 /// Cells along a side, and half of the covered side in half sides of the box.
-pub(super) const SIDE: usize = 32;
+pub(super) const SIDE: usize = 64;
+/// Coarse cells along a side: each is the mean of two by two.
+pub(super) const COARSE: usize = SIDE / 2;
 const REACH: f64 = 2.0;
 /// Red, green, blue.
 pub(super) const CHANNELS: usize = 3;
 /// Pixels that a cell of a large box is made of along a side, at least; others are left out.
-const PIXELS: f64 = 3.0;
+const PIXELS: f64 = 1.5;
 /// What the standard deviation is softened by, grey levels.
 const SOFT: f32 = 8.0;
 
@@ -24,8 +26,8 @@ pub(super) struct Glimpse {
     row: Vec<f32>,
     /// `SIDE` × `SIDE` × `CHANNELS`, of mean 0, in standard deviations of grey.
     pub values: Vec<f32>,
-    /// The same in grey levels.
-    pub grey: Vec<f32>,
+    /// `COARSE` × `COARSE` × `CHANNELS`, in grey levels.
+    pub coarse: Vec<f32>,
     /// What was read of the last picture, if it was looked at: left column, top row, width, height.
     pub read: Option<(usize, usize, usize, usize)>,
 }
@@ -34,7 +36,7 @@ impl Glimpse {
     /// Looks at a box. Outside the picture its border goes on.
     pub(super) fn take(&mut self, image: &Image, state: &State, extent: Extent) {
         let (half_w, half_h) = state.half(extent);
-        let Self { across, down, ends: [to_right, to_bottom], row, values, read, grey, .. } = self;
+        let Self { across, down, ends: [to_right, to_bottom], row, values, read, coarse, .. } = self;
         let (left, width) = cells(state.x, half_w, image.width(), across, to_right);
         let (top, height) = cells(state.y, half_h, image.height(), down, to_bottom);
         *read = Some((left, top, width, height));
@@ -59,14 +61,26 @@ impl Glimpse {
                 }
             }
         }
-        grey.clone_from(values);
+        coarsen(values, coarse);
         standardise(values);
     }
 }
 
-/// Where the middle of a cell is along an axis, half sides of the box from its centre.
+/// `coarse` ← means over two by two cells.
+fn coarsen(cells: &[f32], coarse: &mut Vec<f32>) {
+    let across = SIDE * CHANNELS;
+    coarse.clear();
+    for rows in cells.chunks_exact(2 * across) {
+        let (upper, lower) = rows.split_at(across);
+        for (a, b) in upper.chunks_exact(2 * CHANNELS).zip(lower.chunks_exact(2 * CHANNELS)) {
+            coarse.extend((0..CHANNELS).map(|c| 0.25 * (a[c] + a[c + CHANNELS] + b[c] + b[c + CHANNELS])));
+        }
+    }
+}
+
+/// Where the middle of a coarse cell is along an axis, half sides of the box from its centre.
 pub(super) fn place(cell: usize) -> f64 {
-    ((cell as f64 + 0.5) / SIDE as f64 * 2.0 - 1.0) * REACH
+    ((cell as f64 + 0.5) / COARSE as f64 * 2.0 - 1.0) * REACH
 }
 
 /// The largest half side that is looked at, pixels: more than any picture has.
@@ -169,7 +183,7 @@ mod tests {
                     at(x, y)
                 );
             }
-            assert!((at(15, 3) + at(16, 3)).abs() < 1e-3, "the centre is the mean");
+            assert!((at(SIDE / 2 - 1, 3) + at(SIDE / 2, 3)).abs() < 1e-3, "the centre is the mean");
             let (left, top, width, height) = glimpse.read.expect("it was looked at");
             let (w, h) = (2.0 * bbox.w, 2.0 * bbox.h);
             assert!((width as f64 - w).abs() < 4.0 && (height as f64 - h).abs() < 4.0, "{:?}", glimpse.read);

@@ -1,11 +1,16 @@
 //! The network: its prediction for a picture of a box's surroundings, compared with one of the target's.
+//!
+//! Both pictures go through the same four layers. Each place of the one is compared with the places of the other around it (Dosovitskiy
+//! et al., *FlowNet*, 2015). Two maps of the joined layers say where the upper left and the lower right corner of the target are; their
+//! means are the corners (Law and Deng, *CornerNet*, 2018; Yan et al., *Alpha-Refine*, 2021). Maps of places carry over to targets that
+//! the network never saw; numbers of dense layers do so less (docs/lab/real-video.md).
 
 use std::path::Path;
 
 use super::file::{self, Filters, Shape};
-use super::glimpse::{CHANNELS, SIDE};
+use super::glimpse::{CHANNELS, COARSE, SIDE};
 use foveate_base::Result;
-use foveate_kernels::{self as kernels, Layer};
+use foveate_kernels::{self as kernels, FILTERS, Layer};
 
 /// Places along a side of the map of features, and their channels.
 const PLACES: usize = 8;
@@ -18,35 +23,57 @@ const COMPARED: usize = (2 * REACH + 1) * (2 * REACH + 1);
 /// Features that stand beside the comparisons, of each of the two pictures.
 const BESIDE: usize = 16;
 /// Channels of the joined pictures.
-const JOINED: usize = 48;
+const JOINED: usize = 64;
 const DENSE: usize = 64;
-const ANSWERS: usize = 9;
-/// Channels of the input: a cell, and the probability of its colour.
-pub(super) const INPUTS: usize = CHANNELS + 1;
+/// Log expected errors of centre, size and shape, and log odds that the target is not there.
+const ANSWERS: usize = 5;
+/// Maps of a corner: each has the four quarters of every place.
+const CORNERS: usize = 8;
+/// Places along a side of a corner's map; those at its ends are so many half sides from the centre, and half a place.
+const FINE: usize = 2 * PLACES;
+const FARTHEST: f32 = 2.5;
+/// The smallest half side that is answered, half sides of the box.
+const SMALLEST: f32 = 0.1;
 /// What squares of features are softened by before their length is made 1.
 const SOFT: f32 = 0.01;
 
 /// The layers, as a file has them one after the other.
-pub(super) const LAYERS: [Shape; 9] = [
-    Shape { name: "first", size: 5, stride: 2, channels: INPUTS, filters: 16, cut: true },
-    Shape { name: "second", size: 3, stride: 2, channels: 16, filters: 32, cut: true },
-    Shape { name: "third", size: 3, stride: 1, channels: 32, filters: FEATURES, cut: false },
-    Shape { name: "search", size: 1, stride: 1, channels: FEATURES, filters: BESIDE, cut: false },
-    Shape { name: "template", size: 1, stride: 1, channels: FEATURES, filters: BESIDE, cut: false },
-    Shape { name: "joint", size: 3, stride: 1, channels: COMPARED + 2 * BESIDE, filters: JOINED, cut: true },
-    Shape { name: "narrow", size: 3, stride: 2, channels: JOINED, filters: JOINED, cut: true },
-    Shape { name: "dense", size: PLACES / 2, stride: 1, channels: JOINED, filters: DENSE, cut: true },
-    Shape { name: "answer", size: 1, stride: 1, channels: DENSE, filters: ANSWERS, cut: false },
+pub(super) const LAYERS: [Shape; 12] = [
+    Shape { name: "first", size: 5, stride: 2, channels: CHANNELS, filters: 16, cut: true, places: 1 },
+    Shape { name: "second", size: 3, stride: 2, channels: COLOURED, filters: 32, cut: true, places: 1 },
+    Shape { name: "third", size: 3, stride: 2, channels: 32, filters: 64, cut: true, places: 1 },
+    Shape { name: "fourth", size: 3, stride: 1, channels: 64, filters: FEATURES, cut: false, places: 1 },
+    Shape { name: "search", size: 1, stride: 1, channels: FEATURES, filters: BESIDE, cut: false, places: 1 },
+    Shape { name: "template", size: 1, stride: 1, channels: FEATURES, filters: BESIDE, cut: false, places: 1 },
+    Shape { name: "joint", size: 3, stride: 1, channels: COMPARED + 2 * BESIDE, filters: JOINED, cut: true, places: 1 },
+    Shape { name: "again", size: 3, stride: 1, channels: JOINED, filters: JOINED, cut: true, places: 1 },
+    Shape { name: "narrow", size: 3, stride: 2, channels: JOINED, filters: 48, cut: true, places: 1 },
+    Shape { name: "dense", size: PLACES / 2, stride: 1, channels: 48, filters: DENSE, cut: true, places: 1 },
+    Shape { name: "answer", size: 1, stride: 1, channels: DENSE, filters: ANSWERS, cut: false, places: 1 },
+    Shape {
+        name: "corners",
+        size: 3,
+        stride: 1,
+        channels: JOINED,
+        filters: CORNERS,
+        cut: false,
+        places: PLACES * PLACES,
+    },
 ];
 const FIRST: usize = 0;
 const SECOND: usize = 1;
 const THIRD: usize = 2;
-const SEARCH: usize = 3;
-const TEMPLATE: usize = 4;
-const JOINT: usize = 5;
-const NARROW: usize = 6;
-const LAST_BUT_ONE: usize = 7;
-const LAST: usize = 8;
+const FOURTH: usize = 3;
+const SEARCH: usize = 4;
+const TEMPLATE: usize = 5;
+const JOINT: usize = 6;
+const AGAIN: usize = 7;
+const NARROW: usize = 8;
+const LAST_BUT_ONE: usize = 9;
+const LAST: usize = 10;
+const CORNER: usize = 11;
+/// Channels of the second layer's input: those of the first, and the probability of each coarse cell's colour.
+const COLOURED: usize = 17;
 
 /// The layers, checked.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,18 +140,31 @@ impl Network {
             joint_template.extend_from_slice(&place[own * JOINED..]);
         }
         layers[JOINT].weights = joint;
+        let padded = |values: &[f32]| -> Vec<f32> {
+            values.chunks_exact(CORNERS).flat_map(|v| v.iter().copied().chain([0.0; FILTERS - CORNERS])).collect()
+        };
+        let Filters { weights, bias } = &mut layers[CORNER];
+        (*weights, *bias) = (padded(weights), padded(bias));
         Self { layers, joint_template }
     }
 
-    /// Features of a glimpse (`SIDE` × `SIDE` × `INPUTS`), into `scratch.features`.
-    pub(super) fn look(&self, glimpse: &[f32], scratch: &mut Scratch) {
-        let Scratch { framed, found, features, .. } = scratch;
-        frame(glimpse, (SIDE, INPUTS, 2), framed);
+    /// Features of a glimpse (`SIDE` × `SIDE` × `CHANNELS`) and of the colours of its coarse cells (`COARSE` × `COARSE`), into
+    /// `scratch.features`.
+    pub(super) fn look(&self, glimpse: &[f32], colours: &[f32], scratch: &mut Scratch) {
+        let Scratch { framed, found, features, joined } = scratch;
+        frame(glimpse, (SIDE, CHANNELS, 2), framed);
         self.layer(FIRST, SIDE + 4, framed, found);
-        frame(found, (SIDE / 2, 16, 1), framed);
-        self.layer(SECOND, SIDE / 2 + 2, framed, found);
-        frame(found, (PLACES, 32, 1), framed);
-        self.layer(THIRD, PLACES + 2, framed, features);
+        joined.clear();
+        for (place, colour) in found.chunks_exact(COLOURED - 1).zip(colours) {
+            joined.extend_from_slice(place);
+            joined.push(*colour);
+        }
+        frame(joined, (COARSE, COLOURED, 1), framed);
+        self.layer(SECOND, COARSE + 2, framed, found);
+        frame(found, (COARSE / 2, LAYERS[SECOND].filters, 1), framed);
+        self.layer(THIRD, COARSE / 2 + 2, framed, found);
+        frame(found, (PLACES, LAYERS[THIRD].filters, 1), framed);
+        self.layer(FOURTH, PLACES + 2, framed, features);
     }
 
     /// What is kept of the target's picture, of its features.
@@ -167,6 +207,10 @@ impl Network {
         found.resize(PLACES * PLACES * JOINED, 0.0);
         kernels::convolve(&layer, framed, found);
         frame(found, (PLACES, JOINED, 1), framed);
+        self.layer(AGAIN, PLACES + 2, framed, found);
+        frame(found, (PLACES, JOINED, 1), framed);
+        self.layer(CORNER, PLACES + 2, framed, joined);
+        let [[left, top], [right, bottom]] = [0, 1].map(|map| mean_place(joined, map));
         self.layer(NARROW, PLACES + 2, framed, found);
         self.layer(LAST_BUT_ONE, PLACES / 2, found, framed);
         let last = &self.layers[LAST];
@@ -175,14 +219,22 @@ impl Network {
         for (value, weights) in framed.iter().zip(last.weights.chunks_exact(ANSWERS)) {
             out.iter_mut().zip(weights).for_each(|(out, weight)| *out += value * weight);
         }
-        let [u, v, log_scale, half_log_aspect, a, b, c, d, lost] = out;
-        Answer { offset: [u, v], log_scale, half_log_aspect, log_spread: [a, b, c, d], lost }
+        let [a, b, c, d, lost] = out;
+        let [wide, high] = [right - left, bottom - top].map(|side| (0.5 * side).max(SMALLEST).ln());
+        Answer {
+            offset: [0.5 * (left + right), 0.5 * (top + bottom)],
+            log_scale: 0.5 * (wide + high),
+            half_log_aspect: 0.5 * (wide - high),
+            log_spread: [a, b, c, d],
+            lost,
+        }
     }
 
     /// One layer, of a map that has its frame already.
     fn layer(&self, k: usize, side: usize, map: &[f32], out: &mut Vec<f32>) {
         let (Filters { weights, bias }, Shape { size, stride, channels, cut, .. }) = (&self.layers[k], LAYERS[k]);
-        out.resize(((side - size) / stride + 1).pow(2) * bias.len(), 0.0);
+        let filters = weights.len() / (size * size * channels);
+        out.resize(((side - size) / stride + 1).pow(2) * filters, 0.0);
         kernels::convolve(&Layer { side, channels, size, stride, pool: 1, cut, weights, bias }, map, out);
     }
 }
@@ -195,6 +247,22 @@ fn frame(map: &[f32], (side, channels, margin): (usize, usize, usize), out: &mut
     for (y, row) in map.chunks_exact(side * channels).enumerate() {
         out[(y + margin) * across + margin * channels..][..row.len()].copy_from_slice(row);
     }
+}
+
+/// The mean place under the softmax of a corner's map (the first or second four of `FILTERS` channels: the quarters of each place), in
+/// half sides of the box: right, down.
+fn mean_place(maps: &[f32], map: usize) -> [f32; 2] {
+    let (mut logits, mut weights) = ([0.0; FINE * FINE], [0.0; FINE * FINE]);
+    let quarters = maps.chunks_exact(FILTERS).flat_map(|place| &place[4 * map..][..4]);
+    logits.iter_mut().zip(quarters).for_each(|(to, logit)| *to = f64::from(*logit));
+    let sum = kernels::exp_from(&logits, kernels::largest_finite(&logits), &mut weights);
+    let mut mean = [0.0; 2];
+    for (i, weight) in weights.iter().enumerate() {
+        let (place, quarter) = (i / 4, i % 4);
+        mean[0] += weight * (2 * (place % PLACES) + quarter % 2) as f64;
+        mean[1] += weight * (2 * (place / PLACES) + quarter / 2) as f64;
+    }
+    mean.map(|place| ((place / sum + 0.5) / FINE as f64 * 2.0 - 1.0) as f32 * FARTHEST)
 }
 
 /// Makes the mean square of each place's features 1, about.
@@ -212,20 +280,23 @@ mod tests {
     use foveate_base::rng::Streams;
     use rand::RngExt;
 
-    fn glimpse(stream: u64) -> Vec<f32> {
+    /// Cells of a glimpse, and the colours of its coarse cells.
+    fn glimpse(stream: u64) -> [Vec<f32>; 2] {
         let mut rng = Streams::new(9, 0).rng(stream);
-        (0..SIDE * SIDE * INPUTS).map(|_| 2.0 * rng.random::<f32>() - 1.0).collect()
+        [SIDE * SIDE * CHANNELS, COARSE * COARSE].map(|n| (0..n).map(|_| 2.0 * rng.random::<f32>() - 1.0).collect())
     }
 
     /// A layer by plain loops in f64: zeros around the map.
     fn plain(filters: &Filters, map: &[f64], (side, size, stride, cut): (usize, usize, usize, bool)) -> Vec<f64> {
-        let (margin, n) = (size / 2, filters.bias.len());
+        let margin = size / 2;
         let channels = map.len() / (side * side);
+        let n = filters.weights.len() / (size * size * channels);
         let mut out = vec![];
         for (y, x, f) in
             (0..side / stride).flat_map(|y| (0..side / stride).flat_map(move |x| (0..n).map(move |f| (y, x, f))))
         {
-            let mut sum = f64::from(filters.bias[f]);
+            let own = (y * side / stride + x) * n + f;
+            let mut sum = f64::from(filters.bias[if filters.bias.len() == n { f } else { own }]);
             for (i, j, c) in (0..size).flat_map(|i| (0..size).flat_map(move |j| (0..channels).map(move |c| (i, j, c))))
             {
                 let (row, column) = ((y * stride + i).wrapping_sub(margin), (x * stride + j).wrapping_sub(margin));
@@ -244,12 +315,15 @@ mod tests {
     fn the_network_equals_its_definition() {
         let layers = file::read(&random(3, &LAYERS), Path::new("n"), &LAYERS).expect("just written");
         let network = Network::of(layers.clone());
-        let features = |glimpse: &[f32]| {
-            let map: Vec<f64> = glimpse.iter().copied().map(f64::from).collect();
-            let map = plain(&layers[FIRST], &map, (32, 5, 2, true));
-            plain(&layers[THIRD], &plain(&layers[SECOND], &map, (16, 3, 2, true)), (8, 3, 1, false))
+        let features = |[cells, colours]: [Vec<f32>; 2]| {
+            let cells: Vec<f64> = cells.into_iter().map(f64::from).collect();
+            let map = plain(&layers[FIRST], &cells, (64, 5, 2, true));
+            let places = map.chunks_exact(16).zip(&colours);
+            let map: Vec<f64> = places.flat_map(|(p, c)| p.iter().copied().chain([f64::from(*c)])).collect();
+            let map = plain(&layers[SECOND], &map, (32, 3, 2, true));
+            plain(&layers[FOURTH], &plain(&layers[THIRD], &map, (16, 3, 2, true)), (8, 3, 1, false))
         };
-        let (a, b) = (features(&glimpse(1)), features(&glimpse(2)));
+        let (a, b) = (features(glimpse(1)), features(glimpse(2)));
         let even = |map: &[f64]| -> Vec<f64> {
             let places = map.chunks_exact(FEATURES);
             places
@@ -270,19 +344,36 @@ mod tests {
             }
             beside.iter().for_each(|map| joined.extend_from_slice(&map[place * BESIDE..][..BESIDE]));
         }
-        let map = plain(&layers[NARROW], &plain(&layers[JOINT], &joined, (8, 3, 1, true)), (8, 3, 2, true));
+        let map = plain(&layers[AGAIN], &plain(&layers[JOINT], &joined, (8, 3, 1, true)), (8, 3, 1, true));
+        let corners = plain(&layers[CORNER], &map, (8, 3, 1, false));
+        let corner = |map: usize| {
+            let (mut sum, mut mean) = (0.0, [0.0; 2]);
+            for (row, column) in (0..FINE).flat_map(|row| (0..FINE).map(move |column| (row, column))) {
+                let quarter = row % 2 * 2 + column % 2;
+                let weight = corners[(row / 2 * PLACES + column / 2) * CORNERS + 4 * map + quarter].exp();
+                let at = |k: usize| (k as f64 + 0.5) / 16.0 * 5.0 - 2.5;
+                (sum, mean) = (sum + weight, [mean[0] + weight * at(column), mean[1] + weight * at(row)]);
+            }
+            mean.map(|x| x / sum)
+        };
+        let ([left, top], [right, bottom]) = (corner(0), corner(1));
+        let [wide, high] = [right - left, bottom - top].map(|side| (side / 2.0).max(0.1).ln());
+        let map = plain(&layers[NARROW], &map, (8, 3, 2, true));
         let whole = |filters: &Filters, map: &[f64], f: usize| {
             let n = filters.bias.len();
             f64::from(filters.bias[f])
                 + map.iter().enumerate().map(|(i, x)| x * f64::from(filters.weights[i * n + f])).sum::<f64>()
         };
         let dense: Vec<f64> = (0..DENSE).map(|f| whole(&layers[LAST_BUT_ONE], &map, f).max(0.0)).collect();
-        let exact: Vec<f64> = (0..ANSWERS).map(|f| whole(&layers[LAST], &dense, f)).collect();
+        let place = [(left + right) / 2.0, (top + bottom) / 2.0, (wide + high) / 2.0, (wide - high) / 2.0];
+        let exact: Vec<f64> = place.into_iter().chain((0..ANSWERS).map(|f| whole(&layers[LAST], &dense, f))).collect();
         let mut scratch = Scratch::default();
-        network.look(&glimpse(1), &mut scratch);
+        let [cells, colours] = glimpse(1);
+        network.look(&cells, &colours, &mut scratch);
         let template = network.template(&scratch.features);
         for _ in 0..2 {
-            network.look(&glimpse(2), &mut scratch);
+            let [cells, colours] = glimpse(2);
+            network.look(&cells, &colours, &mut scratch);
             let Answer { offset: [u, v], log_scale, half_log_aspect, log_spread: [p, q, r, s], lost } =
                 network.answer(&template, &mut scratch);
             for (found, exact) in [u, v, log_scale, half_log_aspect, p, q, r, s, lost].into_iter().zip(&exact) {
