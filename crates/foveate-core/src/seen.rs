@@ -79,7 +79,8 @@ pub struct Seen<'a> {
     /// Mean of the belief, corrected by the box regression if there is one: centre, velocity per frame, log scale relative to the first
     /// frame, angle.
     pub state: State,
-    /// Covariance of the belief over x, y, vx, vy, log scale, angle, log aspect.
+    /// Covariance of the belief over x, y, vx, vy, log scale, angle, log aspect; with box regression plus the squares of its expected
+    /// errors of place, size and shape.
     pub covariance: Covariance,
     /// Half the size of the target's box at scale 1, pixels: `state.fixate(gaze, extent)` is the place of a gaze.
     pub extent: Extent,

@@ -385,7 +385,7 @@ pub fn dictionary() -> String {
                 Some("x_x") => [
                     "`cov_x_x` to `cov_log_aspect_log_aspect`".to_owned(),
                     "product of theirs".to_owned(),
-                    "Covariances of x, y, vx, vy, log_scale, angle and log_aspect: the upper triangle, row by row."
+                    "Covariances of x, y, vx, vy, log_scale, angle and log_aspect: the upper triangle, row by row. Those of the particles; with box regression plus the squares of its expected errors of place, size and shape."
                         .to_owned(),
                 ],
                 Some(_) => continue,

@@ -44,11 +44,18 @@ impl Extras {
         Some(boxes.answer(view.scene.image, &estimate.mean, view.target.extent))
     }
 
-    /// Returns the estimate as reported. `answer` is the answer of the box regression if this frame has
-    /// computed it already.
+    /// Returns the estimate as reported, with the expected errors of the box regression in its covariance: a sample that agrees is no
+    /// certainty. `answer` is the answer of the box regression if this frame has computed it already.
     pub(super) fn regress(&mut self, view: &View<'_>, estimate: Estimate, answer: Option<Answer>) -> Estimate {
         let Some(boxes) = &mut self.box_regression else { return estimate };
-        Estimate { mean: boxes.moved(view.scene.image, &estimate.mean, view.target.extent, answer), ..estimate }
+        let mean = boxes.moved(view.scene.image, &estimate.mean, view.target.extent, answer);
+        let ([right, down, log_scale, log_aspect], (half_w, half_h)) = (boxes.errors(), mean.half(view.target.extent));
+        let mut covariance = estimate.covariance;
+        // In the order of `State::to_array`.
+        for (k, error) in [(0, right * half_w), (1, down * half_h), (4, log_scale), (6, log_aspect)] {
+            covariance[k][k] += error * error;
+        }
+        Estimate { mean, covariance, ..estimate }
     }
 
     /// Returns the change of log size and log of width / height that the particles take after this frame; none if it is not confident.

@@ -274,7 +274,7 @@ fn what_does_not_fit_is_refused() {
         ("template", serde_json::json!("AAAAAA=="), "2048 features"),
         (
             "correction",
-            serde_json::json!({ "frames": 1, "mean": [0.0, 7.0, 0.0, 0.0], "errors": [0.0; 4] }),
+            serde_json::json!({ "frames": 1, "mean": [0.0, 7.0, 0.0, 0.0], "errors": [0.0, 0.0, 0.0, 0.0] }),
             "it moves the box",
         ),
         ("histograms", serde_json::json!({ "first": "", "recent": "" }), "histograms"),
