@@ -280,6 +280,24 @@ mod tests {
         assert!((0..4).all(|i| (0..i).all(|k| drawn[i] != drawn[k])));
     }
 
+    /// The step of a voter compares its box with that of its second tracker, and leads a lost second tracker back.
+    #[test]
+    fn a_voter_reads_and_leads_its_second_tracker() {
+        use crate::engine::toy::{Toy, parts, picture, target};
+        let pair = parts(Toy::at(50.0)).with_second_tracker(Some(parts(Toy::at(50.0))));
+        let mut ensemble = Ensemble::new(vec![pair], 1, 0);
+        ensemble.init(&picture(), target(50.0)).expect("a box in the picture");
+        let (agreement, image) = (crate::control::AGREEMENT, picture());
+        let scene = Scene { image: &image, detections: &[] };
+        assert!(ensemble.step_on(scene).cues[agreement] > 0.5);
+        let second = |it: &mut Ensemble| it.members[0].second.take().expect("it has one");
+        let mut away = second(&mut ensemble);
+        away.reset_at(&target(95.0));
+        ensemble.members[0].second = Some(away);
+        (0..20).for_each(|_| _ = ensemble.step_on(scene));
+        assert!(second(&mut ensemble).reported().0.iou(&target(50.0)) > 0.5);
+    }
+
     /// A box that is given ends the search of the vote.
     #[test]
     fn a_given_box_resets_the_vote() {

@@ -172,6 +172,18 @@ mod tests {
         }
     }
 
+    /// A box that is given ends the search and drops the evidence of the last frames. The visible fraction is that of a new place, or stays.
+    #[test]
+    fn a_given_box_ends_the_search() {
+        let mut it = used();
+        it.set_visibility(0.4);
+        it.start_again_at(&target(50.0));
+        assert!(!it.is_searching() && it.parts.monitor.consistency.last() == Default::default());
+        assert_eq!(it.visibility.fraction(), 0.4);
+        it.reset_at(&target(50.0));
+        assert_eq!(it.visibility.fraction(), 1.0);
+    }
+
     /// A new template resets what was learned with the old one, and the evidence under it. Policy, class and visible fraction are the
     /// target's own.
     #[test]

@@ -223,6 +223,32 @@ mod tests {
         assert!(surprise(0) > 0.0 && (surprise(0) / surprise(4) - 5.0).abs() < 1e-9, "{} {}", surprise(0), surprise(4));
     }
 
+    /// A detection ends a loss, with and without a look; without one, a box is a guess after some frames, or after a long occlusion.
+    #[test]
+    fn a_detection_ends_a_loss() {
+        let settings = Settings::default();
+        for looked_at in [false, true] {
+            for (unseen, detected, detecting, phase) in
+                [(100, true, true, Phase::Tracked), (100, false, true, Phase::Lost), (0, false, true, Phase::Tracked)]
+            {
+                let mut it = given(50.0).0;
+                (it.unseen, it.looked_at, it.track.phase) = (unseen, looked_at, Phase::Tracked);
+                it.set_detection(detected.then(|| Detection::new(target(50.0), 1.0)), None);
+                it.step(&picture(), &settings, detecting);
+                let expected = (phase, if detected { 0 } else { unseen + 1 });
+                assert_eq!((it.track.phase, it.unseen), expected, "looked at {looked_at}, unseen for {unseen}");
+                it.begin(0, target(50.0), Phase::Initiated);
+                assert_eq!((it.unseen, it.hidden), (0, 0));
+            }
+        }
+        for (hidden, phase) in [(0, Phase::Occluded), (LONGEST_HIDDEN, Phase::Lost)] {
+            let mut it = given(50.0).0;
+            (it.hidden, it.track.visible) = (hidden, 0.0);
+            it.step(&picture(), &settings, false);
+            assert_eq!(it.track.phase, phase, "hidden for {hidden} frames");
+        }
+    }
+
     /// A template that is taken while another target covers a part of it would contain that part.
     #[test]
     fn an_occluded_target_keeps_its_template() {

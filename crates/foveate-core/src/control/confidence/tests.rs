@@ -277,6 +277,36 @@ fn the_running_mean_of_absence_starts_anew() {
     assert_eq!(c.judge(&FrameEvidence { absent: None, ..there }).cues[CUES - 1], PRESENT);
 }
 
+/// The usual values survive a restart, which is at the same target, and nothing else does. A new template resets them.
+#[test]
+fn a_restart_keeps_the_usual_values() {
+    let absence = AbsenceWeights { rate: 0.25, weight: 1.0, bias: 0.0 };
+    let mut c = LossMonitor::new(ConfidenceModel { absence, ..ConfidenceModel::default() });
+    (0..30).for_each(|_| _ = c.judge(&FrameEvidence { absent: Some(-2.0), ..shown(-3.0, 0.0) }));
+    let after = |reset: fn(&mut LossMonitor)| {
+        let mut c = c.clone();
+        reset(&mut c);
+        let cues = c.judge(&shown(-6.0, 0.0)).cues;
+        (cues[2] > 0.5, cues[CUES - 1] > -3.0)
+    };
+    assert_eq!(after(|_| ()), (true, true));
+    assert_eq!(after(LossMonitor::restart), (true, false));
+    assert_eq!(after(LossMonitor::forget_usual), (false, false));
+}
+
+/// The tracker was misled if only the box regression reports the loss. The first frames are usual, however they fit.
+#[test]
+fn only_the_box_regression_reports_that_the_tracker_was_misled() {
+    let absence = AbsenceWeights { rate: 1.0, weight: 1.0, bias: 0.0 };
+    let mut weights = [0.0; OWN];
+    weights[0] = 20.0;
+    for (deficit, absent, misled) in [(0.0, 6.0, true), (1.0, 6.0, false), (0.0, -6.0, false)] {
+        let mut c = LossMonitor::new(ConfidenceModel { absence, weights, bias: -10.0, ..ConfidenceModel::default() });
+        (0..8).for_each(|_| _ = c.judge(&FrameEvidence { absent: Some(absent), ..shown(-3.0, deficit) }));
+        assert_eq!((c.is_misled(), c.state.frames), (misled, 8), "deficit {deficit}, absent {absent}");
+    }
+}
+
 /// Whatever comes in: a probability, and finite cues.
 #[test]
 fn nothing_is_too_strange() {
