@@ -172,7 +172,7 @@ fn nothing_that_is_asked_for_is_taken_first() {
     let fifo = std::process::Command::new("mkfifo").arg(place.path("earlier/run.json")).status();
     assert!(fifo.expect("mkfifo").success());
     refused(&list, "expected the list of files");
-    refused(&["eval", "--seqs", "video", "-c", "c.toml", "--out", "earlier"], "expected the list of files");
+    refused(&["eval", "--seqs", "video", "--config", "c.toml", "--out", "earlier"], "expected the list of files");
     let zero = "/dev/zero";
     std::fs::create_dir_all(place.path("zeros/img")).expect("a new folder");
     std::os::unix::fs::symlink(zero, place.path("zeros/img/1.png")).expect("a link");
