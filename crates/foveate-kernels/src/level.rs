@@ -19,7 +19,6 @@ pub enum Level {
 /// arithmetic, [`FUSED`] multiply-adds too, [`AVX512`] its instructions too.
 pub(crate) const FUSED: u8 = 1;
 /// See [`FUSED`].
-#[cfg(target_arch = "x86_64")]
 pub(crate) const AVX512: u8 = 2;
 /// The level without special instructions.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
