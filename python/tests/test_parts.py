@@ -54,7 +54,7 @@ def test_bandits_say_what_is_wrong_and_can_be_pickled() -> None:
     with pytest.raises(foveate.InputError, match="ask first"):
         exp3.tell(0, 0.5)
     arm = exp3.ask()
-    with pytest.raises(foveate.InputError, match=f"arm that ask answered, {arm}"):
+    with pytest.raises(foveate.InputError, match=f"arm that ask returned, {arm}"):
         exp3.tell((arm + 1) % 3, 0.5)
     for wrong in (-0.1, 1.1, float("nan")):
         with pytest.raises(foveate.InputError, match="0 to 1"):
