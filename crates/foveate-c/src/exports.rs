@@ -276,8 +276,9 @@ fn save<T: Follows, H>(
 fn load<T: Follows, H>(tracker: *mut H, state: *const c_char, size: usize) -> Result<(), Failure> {
     // SAFETY: the header demands `size` bytes.
     let state = unsafe { given(state.cast::<u8>(), size, "state") }?;
-    let state = serde_json::from_slice(state)
-        .map_err(|e| Failure::invalid(format!("the saved state cannot be used: expected a saved one, JSON: {e}")))?;
+    let state = str::from_utf8(state)
+        .map_err(|e| Failure::invalid(format!("the saved state cannot be used: expected text in UTF-8: {e}")))?
+        .parse()?;
     with(tracker, |working: &mut Working<T>| Ok(working.tracker.load(&state)?))
 }
 
