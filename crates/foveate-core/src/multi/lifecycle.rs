@@ -228,17 +228,9 @@ mod tests {
     }
 
     /// Each detection starts a track at once.
-    const AT_ONCE: Initiation = Initiation {
-        hits: 1,
-        within: 1,
-        moved: 0.0,
-        overlap: 0.3,
-        covered: 0.6,
-        rank: 0.0,
-        strong: 2.0,
-        side: 8.0,
-        most: 0.5,
-    };
+    fn at_once() -> Initiation {
+        Initiation { hits: 1, within: 1, ..Initiation::default() }
+    }
 
     /// Initiates tracks from unmatched detections, the first `own` of which are the caller's. Returns the ids.
     fn initiated(it: &mut MultiTracker, found: &[BBox], own: usize) -> Vec<u64> {
@@ -251,7 +243,7 @@ mod tests {
     /// Detections of a fitting size start tracks, one at a place. The index of a detection is reported if it is the caller's.
     #[test]
     fn detections_start_tracks() {
-        let mut it = targets(AT_ONCE);
+        let mut it = targets(at_once());
         it.remove(1);
         let tiny = BBox::around(50.0, 20.0, 4.0, 4.0);
         let found = [tiny, target(20.0), target(21.0), target(80.0)];
@@ -267,7 +259,7 @@ mod tests {
     /// A detection is taken if several targets cover it together.
     #[test]
     fn a_place_between_targets_is_taken() {
-        let mut it = targets(Initiation { overlap: 0.5, ..AT_ONCE });
+        let mut it = targets(Initiation { overlap: 0.5, ..at_once() });
         it.remove(1);
         it.add(&picture(), None, target(40.0)).expect("a box in the picture");
         let taken = |it: &MultiTracker| it.is_taken(&Detection::new(target(50.0), 0.5));
@@ -279,7 +271,7 @@ mod tests {
     /// A detection identifies the most similar of the terminated targets, which continues there with its id and its first frame.
     #[test]
     fn the_most_similar_target_is_identified() {
-        let mut it = targets(AT_ONCE);
+        let mut it = targets(at_once());
         it.remove(1);
         it.make = Box::new(|id| Ensemble::new(vec![parts(Toy::at(if id == 2 { 50.0 } else { 53.0 }))], 1, id));
         (0..2).for_each(|_| _ = it.add(&picture(), None, target(50.0)).expect("a box in the picture"));

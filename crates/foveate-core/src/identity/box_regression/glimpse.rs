@@ -36,7 +36,7 @@ impl Glimpse {
     /// Looks at a box. Outside the picture its border goes on.
     pub(super) fn take(&mut self, image: &Image, state: &State, extent: Extent) {
         let (half_w, half_h) = state.half(extent);
-        let Self { across, down, ends: [to_right, to_bottom], row, values, read, coarse, .. } = self;
+        let Self { across, down, ends: [to_right, to_bottom], row, values, read, coarse } = self;
         let (left, width) = cells(state.x, half_w, image.width(), across, to_right);
         let (top, height) = cells(state.y, half_h, image.height(), down, to_bottom);
         *read = Some((left, top, width, height));

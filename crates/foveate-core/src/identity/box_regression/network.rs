@@ -29,9 +29,9 @@ const DENSE: usize = 64;
 const ANSWERS: usize = 5;
 /// Maps of a corner: each has the four quarters of every place.
 const CORNERS: usize = 8;
-/// Places along a side of a corner's map; those at its ends are so many half sides from the centre, and half a place.
+/// Places along a side of a corner's map, and how far its border is from the centre, half sides of the box.
 const FINE: usize = 2 * PLACES;
-const FARTHEST: f32 = 2.5;
+const BORDER: f32 = 2.5;
 /// The smallest half side that is answered, half sides of the box.
 const SMALLEST: f32 = 0.1;
 /// What squares of features are softened by before their length is made 1.
@@ -262,7 +262,7 @@ fn mean_place(maps: &[f32], map: usize) -> [f32; 2] {
         mean[0] += weight * (2 * (place % PLACES) + quarter % 2) as f64;
         mean[1] += weight * (2 * (place / PLACES) + quarter / 2) as f64;
     }
-    mean.map(|place| ((place / sum + 0.5) / FINE as f64 * 2.0 - 1.0) as f32 * FARTHEST)
+    mean.map(|place| ((place / sum + 0.5) / FINE as f64 * 2.0 - 1.0) as f32 * BORDER)
 }
 
 /// Makes the mean square of each place's features 1, about.
