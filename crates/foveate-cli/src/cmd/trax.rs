@@ -134,6 +134,9 @@ impl Session {
 
     /// Checks whether memory suffices for the objects that wait for this picture.
     fn check_memory(&mut self, image: &Image) -> Result<()> {
+        if self.pending.is_empty() {
+            return Ok(());
+        }
         let size = image.size();
         let more = self.pending.iter().map(|bbox| self.blueprint.memory_of_tracker(bbox, size));
         self.bytes = more.fold(self.bytes, u64::saturating_add);
