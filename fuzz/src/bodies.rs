@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use foveate::config::{Blueprint, Config};
 use foveate::extend::SavedState;
 use foveate::files::{Folder, Nowhere};
+use foveate::geometry::Size;
 use foveate::lab::Digits;
 use foveate::scene::{Detection, Image};
 use foveate::video::mot::Tracks;
@@ -216,14 +217,15 @@ pub(crate) fn boxes(bytes: &[u8]) {
     }
 }
 
-/// CVAT's XML and COCO's JSON.
+/// CVAT's XML, COCO's and Label Studio's JSON, VIAME's CSV.
 pub(crate) fn annotations(bytes: &[u8]) {
-    for format in [Format::Cvat, Format::Coco] {
+    let size = Some(Size { width: 64, height: 48 });
+    for format in [Format::Cvat, Format::Coco, Format::LabelStudio, Format::Viame] {
         with_file("boxes", bytes, |path| {
-            let Ok(boxes) = Boxes::read(format, path) else { return };
+            let Ok(boxes) = Boxes::read_of_size(format, path, size) else { return };
             let written = path.with_extension("written");
             if boxes.write(format, &written).is_ok() {
-                drop(Boxes::read(format, &written));
+                drop(Boxes::read_of_size(format, &written, size));
                 let _ = std::fs::remove_file(written);
             }
         });

@@ -64,6 +64,8 @@ enum Command {
     Demo(cmd::demo::Args),
     /// Follow a target through a video file or a folder of images
     Track(Box<cmd::track::Args>),
+    /// Annotate a video: boxes of all frames from those of a few, and the frames to check first
+    Annotate(Box<cmd::annotate::Args>),
     /// Show salient or moving regions of a frame, and the candidates found there
     Look(cmd::look::Args),
     /// Watch the tracker in a browser: draw a box, pause, step back, correct, save
@@ -78,7 +80,7 @@ enum Command {
     Train(cmd::train::Args),
     /// Score trackers on sequences with ground truth
     Eval(cmd::eval::Args),
-    /// Convert boxes between OTB, VOT, GOT-10k, MOTChallenge, COCO and CVAT
+    /// Convert boxes between OTB, VOT, GOT-10k, MOTChallenge, COCO, CVAT, Label Studio and VIAME
     Convert(cmd::convert::Args),
     /// Track for vot-toolkit and other clients of the TraX protocol, on standard input and output
     Trax(cmd::trax::Args),
@@ -164,6 +166,7 @@ fn run(arguments: Vec<OsString>, program: PathBuf, parts: Parts) -> u8 {
     cli.common.run(|| match cli.command {
         Command::Demo(args) => cmd::demo::run(args),
         Command::Track(args) => cmd::track::run(*args),
+        Command::Annotate(args) => cmd::annotate::run(*args),
         Command::Look(args) => cmd::look::run(args),
         Command::Serve(args) => cmd::serve::run(args),
         Command::Pick(args) => cmd::serve::run_pick(args),

@@ -2,22 +2,32 @@
 
 mod coco;
 mod cvat;
+mod label_studio;
 mod single;
+mod viame;
 mod yolo;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use foveate::geometry::Size;
 use foveate::text::counted;
 use foveate::video::mot::{TrackBox, Tracks};
-use foveate::{Error, Result};
+use foveate::{BBox, Error, Result, memory};
 
 use super::results::spare;
+use super::track::source::parse_size;
 pub use yolo::write as write_yolo;
 
 /// Maximum length of a video in frames; a larger frame number indicates a damaged file.
 const MOST: usize = 1_000_000;
+
+/// Estimated bytes per box: its entry in a growing list, its visibility flag, and one line of text.
+const BOX: u64 = 400;
+
+/// Boxes that a person set, by frame (from 0): `None` where the target leaves the picture.
+pub(crate) type KeyFrames = BTreeMap<usize, Option<BBox>>;
 
 /// A file format for boxes.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
@@ -34,6 +44,10 @@ pub enum Format {
     Coco,
     /// CVAT for video 1.1, XML
     Cvat,
+    /// Label Studio's JSON of a video; boxes are in per cent, so it needs --size
+    LabelStudio,
+    /// Tracks of DIVE and VIAME, CSV
+    Viame,
 }
 
 impl Format {
@@ -67,6 +81,9 @@ pub(crate) struct Args {
     /// Convert only the target with this id
     #[arg(long, allow_hyphen_values = true)]
     id: Option<i64>,
+    /// Size of the video's pictures in pixels, for label-studio
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
+    size: Option<Size>,
 }
 
 /// The boxes of a video and the information lost in conversion.
@@ -76,6 +93,12 @@ pub struct Boxes {
     tracks: Vec<TrackBox>,
     /// Number of frames of the video, as far as the file states it.
     frames: usize,
+    /// Labels of the targets, by id, as far as the file has them.
+    labels: BTreeMap<i64, String>,
+    /// The boxes that a person set, by target; empty if the format does not tell them from others.
+    keys: BTreeMap<i64, KeyFrames>,
+    /// Size of the pictures, which Label Studio's format needs.
+    size: Option<Size>,
     /// Descriptions of the information that the input or output format does not hold.
     lost: Vec<String>,
 }
@@ -87,7 +110,7 @@ impl Boxes {
     /// [`Error::Invalid`] if a box has no area, is not finite or lies beyond the last frame, or if two boxes belong to one target in one
     /// frame.
     pub fn new(tracks: Vec<TrackBox>, frames: usize) -> Result<Self> {
-        let mut boxes = Self { tracks, frames, lost: vec![] };
+        let mut boxes = Self { tracks, frames, ..Self::default() };
         if frames > MOST {
             return Err(Error::Invalid(format!("there are {frames} frames; expected at most {MOST}")));
         }
@@ -106,7 +129,15 @@ impl Boxes {
     /// # Errors
     /// The file cannot be read, is not of this format, has neither frames nor boxes, or has too many frames.
     pub fn read(format: Format, path: &Path) -> Result<Self> {
-        let boxes = read(format, path)?;
+        Self::read_of_size(format, path, None)
+    }
+
+    /// [`Boxes::read`] of a format that may need the size of the pictures: Label Studio's.
+    ///
+    /// # Errors
+    /// As [`Boxes::read`], and if such a format has no size.
+    pub fn read_of_size(format: Format, path: &Path, size: Option<Size>) -> Result<Self> {
+        let boxes = Self { size, ..read(format, path, size)? };
         if boxes.frames == 0 && boxes.tracks.is_empty() {
             return Err(Error::malformed(path, "it has neither frames nor boxes; expected some"));
         }
@@ -124,6 +155,79 @@ impl Boxes {
     pub fn write(mut self, format: Format, path: &Path) -> Result<Vec<String>> {
         write(format, &mut self, path)?;
         Ok(self.lost)
+    }
+
+    /// Returns the boxes that a person set, by target: all boxes if the format does not tell.
+    pub(crate) fn key_frames(&self) -> BTreeMap<i64, KeyFrames> {
+        if !self.keys.is_empty() {
+            return self.keys.clone();
+        }
+        let mut keys: BTreeMap<i64, KeyFrames> = BTreeMap::new();
+        for b in &self.tracks {
+            keys.entry(b.id).or_default().insert(b.frame, Some(b.bbox));
+        }
+        keys
+    }
+
+    /// Replaces the boxes by others of the same targets; labels stay.
+    pub(crate) fn with_tracks(self, tracks: Vec<TrackBox>, frames: usize, size: Size) -> Result<Self> {
+        let boxes = Self::new(tracks, frames)?;
+        Ok(Self { labels: self.labels, size: Some(size), ..boxes })
+    }
+
+    /// Adds the boxes of a target: each holds, or moves linearly, up to the next one, as CVAT and Label Studio do between key frames.
+    /// Returns the number of boxes in between.
+    fn fill(&mut self, path: &Path, id: i64, shapes: &KeyFrames) -> Result<usize> {
+        let end = shapes.keys().next_back().map_or(0, |last| last + 1);
+        self.frames = self.frames.max(end);
+        // Each box applies up to the next key frame, which may be a million frames away.
+        let next = shapes.iter().skip(1).map(|(frame, bbox)| (*frame, bbox)).chain([(end, &None)]);
+        let stretches = shapes.iter().zip(next).filter_map(|((from, a), (to, b))| Some((*from..to, (*a)?, *b)));
+        let count = self.tracks.len() + stretches.clone().map(|(frames, ..)| frames.len()).sum::<usize>();
+        memory::check(format_args!("{}: {count} boxes", path.display()), count as u64 * BOX)?;
+        let mut filled = 0;
+        for (frames, a, b) in stretches {
+            filled += frames.len() - 1;
+            let (from, length) = (frames.start, frames.len() as f64);
+            self.tracks.extend(frames.map(|frame| {
+                let bbox = between(&a, b.as_ref().unwrap_or(&a), (frame - from) as f64 / length);
+                TrackBox { frame, id, bbox, confidence: 1.0 }
+            }));
+        }
+        Ok(filled)
+    }
+
+    /// Refuses boxes without an id, for a format of tracks.
+    fn check_ids(&self, format: &str) -> Result<()> {
+        match self.tracks.iter().filter(|b| b.id < 0).count() {
+            0 => Ok(()),
+            unknown => {
+                let unknown = counted(unknown, "box");
+                Err(Error::Invalid(format!("no id (-1) for {unknown}; {format} holds tracks, not detections")))
+            }
+        }
+    }
+
+    /// Returns the label of a target, if the file has one.
+    pub(crate) fn known_label(&self, id: i64) -> Option<&str> {
+        self.labels.get(&id).map(String::as_str)
+    }
+
+    /// Returns the label of a target, and records that the format needs one if there is none.
+    fn label(&mut self, id: i64) -> String {
+        const NONE: &str = "the label is \"object\": the format needs one; name yours in the task or in the file";
+        self.labels.get(&id).cloned().unwrap_or_else(|| {
+            if !self.lost.iter().any(|lost| lost == NONE) {
+                self.lost.push(NONE.into());
+            }
+            "object".into()
+        })
+    }
+
+    /// Records labels, which the output format does not hold.
+    fn lose_labels(&mut self) {
+        let different = self.labels.values().collect::<BTreeSet<_>>().len();
+        self.lose(if different > 1 { different } else { 0 }, "labels are left out");
     }
 
     /// Sorts the boxes by frame, then by target.
@@ -157,7 +261,7 @@ impl Boxes {
 
 pub(crate) fn run(args: Args) -> Result<()> {
     spare(&args.output, &[&args.input])?;
-    let mut boxes = Boxes::read(args.from, &args.input)?;
+    let mut boxes = Boxes::read_of_size(args.from, &args.input, args.size)?;
     if let Some(id) = args.id {
         boxes.tracks.retain(|b| b.id == id);
         if boxes.tracks.is_empty() {
@@ -174,19 +278,29 @@ pub(crate) fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-fn read(format: Format, path: &Path) -> Result<Boxes> {
+fn between(a: &BBox, b: &BBox, share: f64) -> BBox {
+    let mix = |a: f64, b: f64| if share == 0.0 { a } else { a + share * (b - a) };
+    BBox::new(mix(a.x, b.x), mix(a.y, b.y), mix(a.w, b.w), mix(a.h, b.h))
+}
+
+fn read(format: Format, path: &Path, size: Option<Size>) -> Result<Boxes> {
     match format {
         Format::Otb | Format::Vot | Format::Got10k => single::read(format, path),
         Format::Mot => {
             let tracks = Tracks::read(path)?;
-            Ok(Boxes { frames: tracks.frames(), tracks: tracks.sightings, lost: vec![] })
+            Ok(Boxes { frames: tracks.frames(), tracks: tracks.sightings, ..Boxes::default() })
         }
         Format::Coco => coco::read(path),
         Format::Cvat => cvat::read(path),
+        Format::LabelStudio => label_studio::read(path, size),
+        Format::Viame => viame::read(path),
     }
 }
 
 fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
+    if !matches!(format, Format::Cvat | Format::LabelStudio | Format::Viame) {
+        boxes.lose_labels();
+    }
     match format {
         Format::Otb | Format::Vot | Format::Got10k => single::write(format, boxes, path),
         Format::Mot => {
@@ -197,5 +311,7 @@ fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
         }
         Format::Coco => coco::write(boxes, path),
         Format::Cvat => cvat::write(boxes, path),
+        Format::LabelStudio => label_studio::write(boxes, path),
+        Format::Viame => viame::write(boxes, path),
     }
 }

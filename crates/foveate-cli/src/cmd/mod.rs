@@ -1,5 +1,6 @@
 //! One file per command: its arguments and its implementation.
 
+pub(crate) mod annotate;
 pub(crate) mod completions;
 pub(crate) mod configs;
 pub(crate) mod configure;

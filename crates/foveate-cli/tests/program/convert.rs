@@ -67,11 +67,17 @@ fn many_targets_keep_their_ids() {
     let place = Place::new();
     let text = "1,3,1,1,5,5,1,-1,-1,-1\n1,7,20,1,5,5.5,1,-1,-1,-1\n3,3,2,1,5,5,1,-1,-1,-1\n";
     place.write("gt.txt", text);
-    for format in ["coco", "cvat"] {
+    for format in ["coco", "cvat", "viame"] {
         place.convert("gt.txt", "mot", "there", format, &[]);
         place.convert("there", format, "back.txt", "mot", &[]);
         assert_eq!(place.read("back.txt"), text, "{format}");
     }
+    // In per cent of the picture: exact in pictures of 64 pixels. The ids are left out, and count from 1.
+    let size = ["--size", "64x64"];
+    place.convert("there", "viame", "tasks.json", "label-studio", &size);
+    place.convert("tasks.json", "label-studio", "back.txt", "mot", &size);
+    assert_eq!(place.read("back.txt"), text.replace(",3,", ",1,").replace("1,7,", "1,2,"));
+    assert!(place.failure("tasks.json", "label-studio", "mot").contains("give --size WIDTHxHEIGHT"));
     assert!(
         place.failure("gt.txt", "mot", "otb").contains("2 targets (3, 7) for a format of one; choose one with --id")
     );

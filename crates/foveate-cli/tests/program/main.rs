@@ -1,5 +1,6 @@
 //! The program as a user meets it. One program of tests: they run beside each other, and are linked once.
 
+mod annotate;
 mod batch;
 #[path = "../browser/mod.rs"]
 mod browser;

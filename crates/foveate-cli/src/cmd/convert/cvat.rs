@@ -1,18 +1,14 @@
 //! CVAT for video 1.1: one `track` per target, one `box` per frame; frames and pixels count from 0.
 
-use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use foveate::text::counted;
+use foveate::report::escape;
 use foveate::video::mot::TrackBox;
 use foveate::{BBox, Error, Result, files, memory};
 use roxmltree::{Document, Node};
 
-use super::{Boxes, MOST};
-
-/// Estimated bytes per box: its entry in a growing list, its visibility flag, and one line of text.
-const BOX: u64 = 400;
+use super::{Boxes, KeyFrames, MOST};
 
 /// Estimated bytes of a parsed element with the text after it, and of an attribute.
 const ELEMENT: u64 = 150;
@@ -46,38 +42,30 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         return Err(wrong("it is CVAT for images; expected CVAT for video 1.1: export the task anew".into()));
     }
     let mut boxes = Boxes::default();
-    let (mut filled, mut labels) = (0, std::collections::BTreeSet::new());
+    let mut filled = 0;
     for track in root.children().filter(|n| n.has_tag_name("track")) {
         let id = number(&track, "id").map_err(wrong)? as i64;
-        labels.extend(track.attribute("label"));
-        let mut shapes = BTreeMap::new();
+        if let Some(label) = track.attribute("label") {
+            boxes.labels.insert(id, label.to_owned());
+        }
+        let (mut shapes, mut keys) = (KeyFrames::new(), KeyFrames::new());
         for shape in track.children().filter(|n| n.has_tag_name("box")) {
             let frame = frame(&shape).map_err(wrong)?;
             let inside = shape.attribute("outside") != Some("1");
-            shapes.insert(frame, inside.then_some(corners(&shape).map_err(wrong)?));
+            let bbox = inside.then_some(corners(&shape).map_err(wrong)?);
+            shapes.insert(frame, bbox);
+            if shape.attribute("keyframe") != Some("0") {
+                keys.insert(frame, bbox);
+            }
         }
-        let end = shapes.keys().next_back().map_or(0, |last| last + 1);
-        boxes.frames = boxes.frames.max(end);
-        // Each box applies up to the next key frame, which may be a million frames away.
-        let next = shapes.iter().skip(1).map(|(frame, bbox)| (*frame, bbox)).chain([(end, &None)]);
-        let stretches = shapes.iter().zip(next).filter_map(|((from, a), (to, b))| Some((*from..to, (*a)?, *b)));
-        let count = boxes.tracks.len() + stretches.clone().map(|(frames, ..)| frames.len()).sum::<usize>();
-        memory::check(format_args!("{}: {count} boxes", path.display()), count as u64 * BOX)?;
-        for (frames, a, b) in stretches {
-            filled += frames.len() - 1;
-            let (from, length) = (frames.start, frames.len() as f64);
-            boxes.tracks.extend(frames.map(|frame| {
-                let bbox = between(&a, b.as_ref().unwrap_or(&a), (frame - from) as f64 / length);
-                TrackBox { frame, id, bbox, confidence: 1.0 }
-            }));
-        }
+        filled += boxes.fill(path, id, &shapes)?;
+        boxes.keys.entry(id).or_default().extend(keys);
     }
     let count = |such: &dyn Fn(&Node<'_, '_>) -> bool| document.descendants().filter(|n| such(n)).count();
     let sized =
         document.descendants().find(|n| n.has_tag_name("size")).and_then(|n| n.text()?.trim().parse::<usize>().ok());
     boxes.frames = boxes.frames.max(sized.filter(|size| *size <= MOST).unwrap_or(0));
     boxes.lose(filled, "boxes between key frames are interpolated");
-    boxes.lose(if labels.len() > 1 { labels.len() } else { 0 }, "labels are left out");
     boxes.lose(
         count(&|n| n.has_tag_name("box") && n.attribute("occluded") == Some("1")),
         "boxes are occluded; that is left out",
@@ -114,27 +102,18 @@ fn corners(node: &Node<'_, '_>) -> std::result::Result<BBox, String> {
     bbox.check().map_err(|e| format!("frame {}: {e}", node.attribute("frame").unwrap_or_default())).map(|()| bbox)
 }
 
-fn between(a: &BBox, b: &BBox, share: f64) -> BBox {
-    let mix = |a: f64, b: f64| if share == 0.0 { a } else { a + share * (b - a) };
-    BBox::new(mix(a.x, b.x), mix(a.y, b.y), mix(a.w, b.w), mix(a.h, b.h))
-}
-
 /// Writes every box as a key frame; a box marked `outside` ends each segment.
 pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     boxes.lose_confidence();
-    let unknown = boxes.tracks.iter().filter(|b| b.id < 0).count();
-    if unknown > 0 {
-        let problem =
-            format!("no id (-1) for {}; CVAT for video holds tracks, not detections", counted(unknown, "box"));
-        return Err(Error::Invalid(problem));
-    }
+    boxes.check_ids("CVAT for video")?;
     let mut xml = format!(
         "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<annotations>\n  <version>1.1</version>\n  <meta><task><size>{}</size></task></meta>\n",
         boxes.frames
     );
     for id in boxes.ids() {
+        let label = escape(&boxes.label(id));
         let own: Vec<&TrackBox> = boxes.tracks.iter().filter(|b| b.id == id).collect();
-        let _ = writeln!(xml, "  <track id=\"{id}\" label=\"object\" source=\"auto\">");
+        let _ = writeln!(xml, "  <track id=\"{id}\" label=\"{label}\" source=\"auto\">");
         for (i, b) in own.iter().enumerate() {
             shape(&mut xml, b.frame, &b.bbox, false);
             let next = own.get(i + 1).map_or(boxes.frames, |next| next.frame);
@@ -145,7 +124,6 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
         xml.push_str("  </track>\n");
     }
     xml.push_str("</annotations>\n");
-    boxes.lost.push("the label is \"object\": CVAT needs one; name yours in the task or in the file".into());
     files::write(path, xml.as_bytes())
 }
 

@@ -59,7 +59,7 @@ pub(crate) fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     PossibleValuesParser::new(all.map(|(name, _)| name)).map(find)
 }
 
-fn parse_size(text: &str) -> std::result::Result<Size, String> {
+pub(crate) fn parse_size(text: &str) -> std::result::Result<Size, String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some(Size::new(w.parse().ok()?, h.parse().ok()?)));
     sides
         .filter(|size| size.width > 0 && size.height > 0)

@@ -1,0 +1,143 @@
+//! Label Studio's JSON of a video: one `videorectangle` per target; frames count from 1, boxes are in per cent of the picture.
+
+use std::path::Path;
+
+use foveate::geometry::Size;
+use foveate::video::mot::TrackBox;
+use foveate::{BBox, Error, Result, files, memory};
+use serde::Deserialize;
+use serde_json::json;
+
+use super::{Boxes, KeyFrames, MOST};
+
+/// Estimated bytes of memory per byte of the file.
+const PARSED: u64 = 8;
+
+#[derive(Deserialize)]
+struct Task {
+    #[serde(default)]
+    annotations: Vec<Annotation>,
+    #[serde(default)]
+    predictions: Vec<Annotation>,
+}
+
+impl Task {
+    /// Returns what persons drew; without it, what a program proposed.
+    fn drawn(&self) -> &[Annotation] {
+        if self.annotations.is_empty() { &self.predictions } else { &self.annotations }
+    }
+}
+
+#[derive(Deserialize)]
+struct Annotation {
+    #[serde(default)]
+    result: Vec<Region>,
+}
+
+#[derive(Deserialize)]
+struct Region {
+    #[serde(rename = "type")]
+    kind: String,
+    #[serde(default)]
+    value: Value,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(rename_all = "camelCase", default)]
+struct Value {
+    frames_count: usize,
+    labels: Vec<String>,
+    sequence: Vec<Key>,
+}
+
+#[derive(Deserialize)]
+struct Key {
+    frame: usize,
+    #[serde(default = "yes")]
+    enabled: bool,
+    #[serde(default)]
+    rotation: f64,
+    x: f64,
+    y: f64,
+    width: f64,
+    height: f64,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// Boxes move linearly between key frames; a key frame that is not `enabled` is the last one of its stretch.
+pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
+    let Size { width, height } = sized(path, size)?;
+    let text = files::read(path, files::TEXT)?;
+    memory::check(format_args!("{}: JSON of {} bytes", path.display(), text.len()), PARSED * text.len() as u64)?;
+    let tasks: Vec<Task> = serde_json::from_slice(&text)
+        .map_err(|e| Error::malformed(path, format!("expected a list of Label Studio's tasks: {e}")))?;
+    let regions: Vec<&Region> = tasks.iter().flat_map(Task::drawn).flat_map(|a| &a.result).collect();
+    let (mut boxes, mut filled, mut turned, mut id) = (Boxes::default(), 0, 0, 0);
+    for region in regions.iter().filter(|region| region.kind == "videorectangle") {
+        id += 1;
+        let mut keys = KeyFrames::new();
+        for key in &region.value.sequence {
+            let wrong = |problem: &str| Error::malformed(path, format!("region {id}, frame {}: {problem}", key.frame));
+            if !(1..=MOST).contains(&key.frame) {
+                return Err(wrong(&format!("expected a frame from 1 to {MOST}")));
+            }
+            let per_cent =
+                [key.x * width as f64, key.y * height as f64, key.width * width as f64, key.height * height as f64];
+            let [x, y, w, h] = per_cent.map(|value| value / 100.0);
+            let bbox = BBox::new(x, y, w, h);
+            bbox.check().map_err(|e| wrong(&e.to_string()))?;
+            turned += usize::from(key.rotation != 0.0);
+            keys.insert(key.frame - 1, Some(bbox));
+            if !key.enabled && key.frame < region.value.frames_count {
+                keys.insert(key.frame, None);
+            }
+        }
+        filled += boxes.fill(path, id, &keys)?;
+        boxes.frames = boxes.frames.max(region.value.frames_count.min(MOST));
+        if let Some(label) = region.value.labels.first() {
+            boxes.labels.insert(id, label.clone());
+        }
+        boxes.keys.insert(id, keys);
+    }
+    boxes.lose(filled, "boxes between key frames are interpolated");
+    boxes.lose(turned, "boxes are rotated; they are taken upright");
+    boxes.lose(regions.iter().filter(|region| region.kind != "videorectangle").count(), "other regions are left out");
+    Ok(boxes)
+}
+
+fn sized(path: &Path, size: Option<Size>) -> Result<Size> {
+    size.ok_or_else(|| {
+        Error::malformed(path, "Label Studio's boxes are in per cent of the picture; give --size WIDTHxHEIGHT")
+    })
+}
+
+/// Writes every box as a key frame of a prediction, which Label Studio imports beside the video.
+pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
+    boxes.check_ids("Label Studio's format")?;
+    boxes.lose_confidence();
+    let Size { width, height } = sized(path, boxes.size)?;
+    let mut regions = vec![];
+    for id in boxes.ids() {
+        let own: Vec<&TrackBox> = boxes.tracks.iter().filter(|b| b.id == id).collect();
+        let followed = |i: usize| own.get(i + 1).is_some_and(|next| next.frame == own[i].frame + 1);
+        let sequence = own.iter().enumerate().map(|(i, b)| {
+            let BBox { x, y, w, h } = b.bbox;
+            let [x, w] = [x, w].map(|value| 100.0 * value / width as f64);
+            let [y, h] = [y, h].map(|value| 100.0 * value / height as f64);
+            let enabled = followed(i);
+            json!({"frame": b.frame + 1, "enabled": enabled, "rotation": 0, "x": x, "y": y, "width": w, "height": h})
+        });
+        let sequence: Vec<_> = sequence.collect();
+        let label = boxes.label(id);
+        regions.push(json!({
+            "id": format!("target-{id}"), "type": "videorectangle", "from_name": "box", "to_name": "video",
+            "value": {"framesCount": boxes.frames, "sequence": sequence, "labels": [label]},
+        }));
+    }
+    let tasks = json!([{"data": {"video": ""}, "predictions": [{"result": regions}]}]);
+    boxes.lost.push("the address of the video is not known; fill in data.video before the import".into());
+    files::write(path, (tasks.to_string() + "\n").as_bytes())
+}

@@ -1,0 +1,73 @@
+//! Tracks of DIVE and VIAME: one line per box, `id, video, frame, left, top, right, bottom, confidence, length, class, confidence`; frames
+//! and pixels count from 0.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use foveate::video::mot::TrackBox;
+use foveate::{BBox, Error, Result, files, memory};
+
+use super::{BOX, Boxes, MOST};
+
+/// The fields that every line has.
+const FIELDS: usize = 9;
+
+pub(super) fn read(path: &Path) -> Result<Boxes> {
+    let text = files::read_text(path, files::TEXT)?;
+    let lines =
+        || text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+    let count = lines().count();
+    memory::check(format_args!("{}: {count} boxes", path.display()), count as u64 * BOX)?;
+    let (mut boxes, mut more) = (Boxes::default(), 0);
+    for (number, line) in lines() {
+        let wrong = |problem: String| Error::malformed(path, format!("line {}: {problem}", number + 1));
+        let fields: Vec<&str> = line.split(',').map(|field| field.trim().trim_matches('"')).collect();
+        if fields.len() < FIELDS {
+            return Err(wrong(format!("expected at least {FIELDS} fields between commas, found {}", fields.len())));
+        }
+        let value = |k: usize| {
+            let number = fields[k].parse::<f64>().ok().filter(|n| n.abs() < 1e9);
+            number.ok_or_else(|| wrong(format!("field {}: expected a number, found \"{:.40}\"", k + 1, fields[k])))
+        };
+        let whole = |k: usize| {
+            let number = value(k)?;
+            let found = || wrong(format!("field {}: expected a whole number from 0 on, found {number}", k + 1));
+            if number.fract() == 0.0 && number >= 0.0 { Ok(number as usize) } else { Err(found()) }
+        };
+        let (id, frame) = (whole(0)? as i64, whole(2)?);
+        if frame >= MOST {
+            return Err(wrong(format!("frame {frame}: expected at most {MOST} frames")));
+        }
+        let bbox = BBox::from_corners(value(3)?, value(4)?, value(5)?, value(6)?);
+        bbox.check().map_err(|e| wrong(e.to_string()))?;
+        if let Some(label) = fields.get(9).filter(|label| !label.is_empty() && !label.starts_with('(')) {
+            boxes.labels.entry(id).or_insert_with(|| (*label).to_owned());
+        }
+        more += usize::from(fields.len() > FIELDS + 2);
+        boxes.frames = boxes.frames.max(frame + 1);
+        boxes.tracks.push(TrackBox { frame, id, bbox, confidence: value(7)? });
+    }
+    boxes.lose(more, "boxes have further classes or attributes; they are left out");
+    Ok(boxes)
+}
+
+pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
+    boxes.check_ids("the format")?;
+    let mut text = String::from(
+        "# 1: track id, 2: image, 3: frame, 4 to 7: box (left, top, right, bottom), 8: confidence, 9: length, 10 and 11: class, confidence\n",
+    );
+    let labels: Vec<(i64, String)> =
+        boxes.ids().into_iter().map(|id| (id, boxes.label(id).replace([',', '"'], " "))).collect();
+    for b in &boxes.tracks {
+        let label = &labels.iter().find(|(id, _)| *id == b.id).expect("every id has a label").1;
+        let (right, bottom) = (b.bbox.x + b.bbox.w, b.bbox.y + b.bbox.h);
+        let (id, frame, confidence) = (b.id, b.frame, b.confidence);
+        let _ = writeln!(
+            text,
+            "{id},,{frame},{},{},{right},{bottom},{confidence},-1,{label},{confidence}",
+            b.bbox.x, b.bbox.y
+        );
+    }
+    boxes.lose(usize::from(boxes.tracks.iter().all(|b| b.frame + 1 < boxes.frames)), "length of the video is left out");
+    files::write(path, text.as_bytes())
+}

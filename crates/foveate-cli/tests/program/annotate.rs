@@ -1,0 +1,145 @@
+//! `foveate annotate`: boxes of all frames from those of a few.
+
+use foveate::BBox;
+use foveate::video::annotation::{format_truth, read_boxes};
+
+use crate::place::{Place, errors};
+
+const FRAMES: usize = 100;
+
+/// A drawn scene, with its true boxes.
+fn scene() -> (Place, Vec<BBox>) {
+    let place = Place::new();
+    let args = ["synth", "clutter", "--frames", "100", "--out", "scene"];
+    assert!(place.run(&args).status.success());
+    let truth = read_boxes(place.path("scene/groundtruth_rect.txt")).expect("it was written");
+    (place, truth.into_iter().map(|bbox| bbox.expect("always in the picture")).collect())
+}
+
+/// Writes the true boxes of some frames as key frames.
+fn write_keys(place: &Place, name: &str, truth: &[BBox], keys: &[usize]) {
+    let boxes: Vec<Option<BBox>> = (0..truth.len()).map(|t| keys.contains(&t).then(|| truth[t])).collect();
+    std::fs::write(place.path(name), format_truth(&boxes)).expect("a writable folder");
+}
+
+fn annotate(place: &Place, keys: &str, out: &str, more: &[&str]) -> Vec<Option<BBox>> {
+    let args = ["annotate", "scene", "--keyframes", keys, "--format", "otb", "--out", out, "--config", "digits"];
+    let run = place.run(&[&args[..], more].concat());
+    assert!(run.status.success(), "{}", errors(&run));
+    read_boxes(place.path(&format!("{out}/boxes.txt"))).unwrap_or_default()
+}
+
+#[test]
+fn key_frames_are_exact_and_the_others_are_tracked() {
+    let (place, truth) = scene();
+    let keys = [0, 50, 99];
+    write_keys(&place, "keys.txt", &truth, &keys);
+    let boxes = annotate(&place, "keys.txt", "out", &[]);
+    assert_eq!(boxes.len(), FRAMES);
+    for t in keys {
+        assert_eq!(boxes[t], Some(truth[t]), "key frame {t}");
+    }
+    let iou = |t: usize| boxes[t].map_or(0.0, |bbox| bbox.iou(&truth[t]));
+    let mean = (0..FRAMES).map(iou).sum::<f64>() / FRAMES as f64;
+    assert!(mean > 0.8, "{mean}");
+    // A straight line between the key frames misses the digit, which flies a parabola.
+    let straight = |t: usize| {
+        let (a, b) = if t < 50 { (0, 50) } else { (50, 99) };
+        let share = (t - a) as f64 / (b - a) as f64;
+        let at = |from: f64, to: f64| from + share * (to - from);
+        BBox::new(at(truth[a].x, truth[b].x), at(truth[a].y, truth[b].y), truth[a].w, truth[a].h).iou(&truth[t])
+    };
+    assert!(mean > (0..FRAMES).map(straight).sum::<f64>() / FRAMES as f64 + 0.1);
+    let check = String::from_utf8(place.read("out/check.csv")).expect("text");
+    assert!(check.starts_with("rank,frame,id,expected_iou,gain,mean_after,least_after\n1,"), "{check}");
+    let page = String::from_utf8(place.read("out/check.html")).expect("text");
+    assert!(
+        page.contains("Expected mean IoU") && page.contains("data:image/jpeg;base64,") && page.contains("<polyline")
+    );
+}
+
+#[test]
+fn a_correction_changes_only_what_lies_between_its_neighbours() {
+    let (place, truth) = scene();
+    write_keys(&place, "keys.txt", &truth, &[0, 20, 40, 99]);
+    let before = annotate(&place, "keys.txt", "before", &[]);
+    let mut corrected = truth.clone();
+    corrected[30].x += 5.0;
+    write_keys(&place, "corrected.txt", &corrected, &[0, 20, 30, 40, 99]);
+    let after = annotate(&place, "corrected.txt", "after", &[]);
+    assert_eq!(after[30], Some(corrected[30]));
+    for t in (0..=20).chain(40..FRAMES) {
+        assert_eq!(before[t], after[t], "frame {t}");
+    }
+    assert_ne!(before[29], after[29]);
+}
+
+#[test]
+fn results_do_not_depend_on_memory_or_threads() {
+    let (place, truth) = scene();
+    write_keys(&place, "keys.txt", &truth, &[10, 99]);
+    let boxes = annotate(&place, "keys.txt", "out", &[]);
+    assert!(boxes[0].is_some(), "before the first key frame, the track goes backwards");
+    // With less memory than the pictures need, the backward track reads the video block by block.
+    for more in [["--max-memory", "16M"], ["--threads", "1"]] {
+        assert_eq!(annotate(&place, "keys.txt", "again", &more), boxes, "{more:?}");
+    }
+}
+
+#[test]
+fn a_target_out_of_the_picture_has_no_boxes_and_keeps_its_label() {
+    let (place, truth) = scene();
+    let shape = |t: usize, outside: u8| {
+        let BBox { x, y, w, h } = truth[t];
+        let (right, bottom) = (x + w, y + h);
+        format!(
+            "<box frame=\"{t}\" outside=\"{outside}\" occluded=\"0\" keyframe=\"1\" xtl=\"{x}\" ytl=\"{y}\" xbr=\"{right}\" ybr=\"{bottom}\"/>"
+        )
+    };
+    let other =
+        "<box frame=\"30\" outside=\"0\" occluded=\"0\" keyframe=\"0\" xtl=\"0\" ytl=\"0\" xbr=\"9\" ybr=\"9\"/>";
+    let xml = format!(
+        "<annotations><track id=\"3\" label=\"digit &amp; co\">{}{}{}{other}</track></annotations>",
+        shape(0, 0),
+        shape(10, 1),
+        shape(20, 0)
+    );
+    std::fs::write(place.path("task.xml"), xml).expect("a writable folder");
+    let args = ["annotate", "scene", "--keyframes", "task.xml", "--format", "cvat", "--config", "digits"];
+    let run = place.run(&[&args[..], &["--out", "cvat"]].concat());
+    assert!(run.status.success(), "{}", errors(&run));
+    let xml = String::from_utf8(place.read("cvat/boxes.xml")).expect("text");
+    assert!(xml.contains("<track id=\"3\" label=\"digit &amp; co\"") && xml.contains("<size>100</size>"), "{xml}");
+    let outside: Vec<&str> = xml.lines().filter(|line| line.contains("outside=\"1\"")).collect();
+    assert!(outside.len() == 1 && outside[0].contains("frame=\"10\""), "{outside:?}");
+    for (to, file) in
+        [("viame", "boxes.csv"), ("label-studio", "boxes.json"), ("coco", "boxes.json"), ("mot", "boxes.txt")]
+    {
+        let run = place.run(&[&args[..], &["--to", to, "--out", to]].concat());
+        assert!(run.status.success(), "{to}: {}", errors(&run));
+        let back = ["convert", &format!("{to}/{file}"), &format!("{to}.xml"), "--from", to, "--to", "cvat"];
+        let back = place.run(&[&back[..], &["--size", "250x200"]].concat());
+        assert!(back.status.success(), "{to}: {}", errors(&back));
+    }
+}
+
+#[test]
+fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
+    let (place, truth) = scene();
+    write_keys(&place, "none.txt", &truth, &[]);
+    std::fs::write(place.path("late.txt"), "101,1,1,1,9,9,1,-1,-1,-1\n").expect("a writable folder");
+    std::fs::write(place.path("far.txt"), "1,1,9999,9999,9,9,1,-1,-1,-1\n").expect("a writable folder");
+    std::fs::write(place.path("found.txt"), "1,-1,1,1,9,9,1,-1,-1,-1\n").expect("a writable folder");
+    for (keys, format, problem) in [
+        ("none.txt", "otb", "expected at least one key frame"),
+        ("late.txt", "mot", "a box is in frame 101, and scene has 100 frames"),
+        ("far.txt", "mot", "the box of target 1 in frame 1"),
+        ("found.txt", "mot", "annotate needs tracks, not detections"),
+        ("nowhere.txt", "otb", "nowhere.txt"),
+    ] {
+        let run = place.run(&["annotate", "scene", "--keyframes", keys, "--format", format, "--out", "out"]);
+        let errors = errors(&run);
+        assert!(!run.status.success() && errors.contains(problem) && !errors.contains("panicked"), "{keys}: {errors}");
+        assert!(!place.path("out").exists(), "{keys}");
+    }
+}
