@@ -1,6 +1,6 @@
-// The tracker's WebAssembly behind four functions. Bytes go through two buffers in its memory: see exports.rs.
-// `readFile(id, at, length)` gives bytes of a file of the page, or throws.
-export async function load(bytes, readFile) {
+// The tracker's WebAssembly behind a few functions. Bytes go through two buffers in its memory: see exports.rs.
+// `source` is the file's bytes or a compiled module; `readFile(id, at, length)` gives bytes of a file of the page, or throws.
+export async function load(source, readFile) {
   let wasm = null;
   const memory = (at, length) => new Uint8Array(wasm.memory.buffer, at, length);
   const page = {
@@ -12,17 +12,26 @@ export async function load(bytes, readFile) {
       } catch { return -1; }
     },
   };
-  wasm = (await WebAssembly.instantiate(bytes, { page })).instance.exports;
+  const module = source instanceof WebAssembly.Module ? source : await WebAssembly.compile(source);
+  wasm = (await WebAssembly.instantiate(module, { page })).exports;
   const put = data => memory(wasm.input(data.length), data.length).set(data);
   const taken = length => length < 0 ? null : memory(wasm.output(), length).slice();
   const encoder = new TextEncoder(), decoder = new TextDecoder();
+  const answer = length => JSON.parse(decoder.decode(memory(wasm.output(), length)));
   return {
+    // The answer to a call of the package, with the bytes of a picture or a state.
+    call(message, bytes) {
+      const text = encoder.encode(JSON.stringify(message)), at = wasm.input(text.length + bytes.length);
+      memory(at, text.length).set(text);
+      memory(at + text.length, bytes.length).set(bytes);
+      return answer(wasm.call(text.length));
+    },
     // The answer to a message; what cannot be done is thrown.
     ask(message) {
       put(encoder.encode(JSON.stringify(message)));
-      const length = wasm.ask(), answer = JSON.parse(decoder.decode(memory(wasm.output(), length)));
-      if (answer.error) throw new Error(answer.error);
-      return answer;
+      const answered = answer(wasm.ask());
+      if (answered.error) throw new Error(answered.error);
+      return answered;
     },
     // Red, green, blue, alpha of a frame (from 1), or null.
     picture: (session, frame) => taken(wasm.picture(session, frame)),

@@ -5,10 +5,10 @@ use std::ptr::without_provenance_mut;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use foveate::config::{Blueprint, Config, Configure as _};
+use foveate::config::{Blueprint, Config};
 use foveate::extend::SavedState;
 use foveate::files::Folder;
-use foveate::{Image, MultiTracker, Profile, Result as FoveateResult, Tracker};
+use foveate::{Image, MultiTracker, Result as FoveateResult, Tracker};
 
 use crate::errors::{Failure, FoveateCode};
 
@@ -74,23 +74,12 @@ impl Follows for MultiTracker {
     }
 }
 
-/// Reads a configuration: the name of a profile or of a shipped configuration, or TOML text, which has more than one line.
-fn read(configuration: &str) -> FoveateResult<Blueprint> {
-    let config = match configuration.contains('\n') {
-        true => Config::parse(configuration, "the configuration")?,
-        false => match Profile::named(configuration) {
-            Some(profile) => profile.config()?,
-            None => configuration.config()?,
-        },
-    };
-    config.check(&Folder::here())
-}
-
 /// Creates a tracker without a target, and returns its handle. `H` is the C type of the handle.
 pub(crate) fn create<T: Follows, H>(configuration: &str) -> Result<*mut H, Failure> {
     /// The next key. Keys of both kinds differ, so that a handle is never one of the other kind.
     static NEXT: AtomicUsize = AtomicUsize::new(16);
-    let working = Working { tracker: T::made(&read(configuration)?)?, image: None };
+    let working =
+        Working { tracker: T::made(&Config::named_or_parsed(configuration)?.check(&Folder::here())?)?, image: None };
     let key = NEXT.fetch_add(16, Ordering::Relaxed);
     live::<T>().insert(key, Arc::new(Mutex::new(working)));
     Ok(without_provenance_mut(key))

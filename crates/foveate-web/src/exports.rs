@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use foveate_core::geometry::Size;
 use foveate_video::Planes;
 
-use crate::{App, Store};
+use crate::{App, Package, Store};
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
@@ -29,12 +29,13 @@ impl Store for Files {
 #[derive(Default)]
 struct Binding {
     app: Option<App>,
+    package: Option<Package>,
     input: Vec<u8>,
     output: Vec<u8>,
 }
 
-/// A page has one tracker, because it has one memory.
-static BINDING: Mutex<Binding> = Mutex::new(Binding { app: None, input: vec![], output: vec![] });
+/// A page, or a tracker of the package, has a memory of its own.
+static BINDING: Mutex<Binding> = Mutex::new(Binding { app: None, package: None, input: vec![], output: vec![] });
 
 fn binding() -> MutexGuard<'static, Binding> {
     BINDING.lock().unwrap_or_else(PoisonError::into_inner)
@@ -42,7 +43,7 @@ fn binding() -> MutexGuard<'static, Binding> {
 
 fn answer(work: impl FnOnce(&mut App, &[u8]) -> Option<Vec<u8>>) -> i32 {
     let mut binding = binding();
-    let Binding { app, input, output } = &mut *binding;
+    let Binding { app, input, output, .. } = &mut *binding;
     let app = app.get_or_insert_with(|| App::new(Arc::new(Files)));
     match work(app, input) {
         Some(bytes) => {
@@ -72,6 +73,17 @@ pub extern "C" fn output() -> *const u8 {
 #[unsafe(no_mangle)]
 pub extern "C" fn ask() -> i32 {
     answer(|app, input| Some(app.ask(&String::from_utf8_lossy(input)).into_bytes()))
+}
+
+/// Answers a call of the JavaScript package: `message` bytes of the input, and the bytes of a picture or a state after them. Returns the
+/// number of output bytes.
+#[unsafe(no_mangle)]
+pub extern "C" fn call(message: usize) -> i32 {
+    let mut binding = binding();
+    let Binding { package, input, output, .. } = &mut *binding;
+    let (message, bytes) = input.split_at(message.min(input.len()));
+    *output = package.get_or_insert_default().ask(&String::from_utf8_lossy(message), bytes).into_bytes();
+    output.len() as i32
 }
 
 /// Writes the pixels of a frame (from 1) as red, green, blue, alpha; returns −1 if there are none.

@@ -2,6 +2,7 @@
 //!
 //! [`App::ask`] answers a message, [`App::picture`] gives a frame's pixels, [`App::push`] takes those of a camera. In a browser
 //! they are called through the functions of `exports.rs`, and files are read through the one function that the page gives.
+//! [`Package`] is the tracker of the JavaScript package, behind one more function.
 
 #![deny(unsafe_code)]
 
@@ -11,7 +12,9 @@ mod app;
 mod exports;
 mod lesson;
 mod open;
+mod package;
 mod store;
 
 pub use app::App;
+pub use package::Package;
 pub use store::{Paths, Store};

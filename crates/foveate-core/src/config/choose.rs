@@ -37,6 +37,18 @@ impl Profile {
 }
 
 impl Config {
+    /// The configuration that a text names or holds: a profile, a configuration that ships, or TOML, which has more than one line.
+    ///
+    /// # Errors
+    /// [`Error::Config`] where nothing has the name, or a line of the TOML is wrong.
+    pub fn named_or_parsed(text: &str) -> Result<Self> {
+        match Profile::named(text) {
+            _ if text.contains('\n') => Self::parse(text, "the configuration"),
+            Some(profile) => profile.config(),
+            None => text.config(),
+        }
+    }
+
     /// The same with another gaze policy, of that one's default settings; as it is where it has that policy.
     ///
     /// # Errors
