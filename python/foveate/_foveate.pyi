@@ -218,6 +218,25 @@ class Tracker:
         """Moves the target to this box: particles start around it, and P(lost) is 0 until the next picture. Everything else stays: the
         template, the learned models, and the random streams, which continue.
         """
+    def predict(self, dt: float) -> Result:
+        """Predicts the box and its covariance ``dt`` frames after the last picture, from the dynamics. The tracker does not change; status and
+        P(lost) are those of the last picture.
+
+        Parameters
+        ----------
+        dt : float
+            Frames, 0 or more; multiply seconds by the frame rate. Between whole frames mean and covariance are interpolated.
+
+        Returns
+        -------
+        Result
+            Without particles. The box may lie outside the picture.
+
+        Raises
+        ------
+        foveate.InputError
+            There is no result yet, also after :meth:`load`; or ``dt`` is out of range.
+        """
     def set_visibility(self, visible: float) -> None:
         """Sets the fraction of the target that the next pictures can show, 0 to 1, if something covers it; 1 by default."""
     def save(self) -> bytes:

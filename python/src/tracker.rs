@@ -204,6 +204,28 @@ impl PyTracker {
         py.detach(|| self.0.working().tracker.reset_at(bbox)).or_raise(py)
     }
 
+    /// Predicts the box and its covariance ``dt`` frames after the last picture, from the dynamics. The tracker does not change; status and
+    /// P(lost) are those of the last picture.
+    ///
+    /// Parameters
+    /// ----------
+    /// dt : float
+    ///     Frames, 0 or more; multiply seconds by the frame rate. Between whole frames mean and covariance are interpolated.
+    ///
+    /// Returns
+    /// -------
+    /// Result
+    ///     Without particles. The box may lie outside the picture.
+    ///
+    /// Raises
+    /// ------
+    /// foveate.InputError
+    ///     There is no result yet, also after :meth:`load`; or ``dt`` is out of range.
+    fn predict(&self, py: Python<'_>, dt: f64) -> PyResult<Py<PyAny>> {
+        let seen = py.detach(|| self.0.working().tracker.predict(dt).map(|seen| Seen::of(&seen))).or_raise(py)?;
+        seen.into_result(py, self.0.making.channels.name)
+    }
+
     /// Sets the fraction of the target that the next pictures can show, 0 to 1, if something covers it; 1 by default.
     fn set_visibility(&self, py: Python<'_>, visible: f64) -> PyResult<()> {
         if !(0.0..=1.0).contains(&visible) {

@@ -355,6 +355,20 @@ def test_reset_and_visibility(pictures: Any) -> None:
             tracker.set_visibility(wrong)
 
 
+def test_predictions_move_on_and_grow(pictures: Any) -> None:
+    tracker = foveate.Tracker(config={"particles": 60})
+    with pytest.raises(foveate.InputError, match="predict"):
+        tracker.predict(1)
+    follow(tracker, pictures[:8])
+    seen = tracker.update(pictures[8])
+    now, ahead = tracker.predict(0), tracker.predict(2.5)
+    assert now.box == seen.box and now.p_lost == seen.p_lost and len(now.particles) == 0
+    assert ahead.box.x > now.box.x and ahead.covariance[0, 0] > now.covariance[0, 0]
+    for wrong in (-1, float("nan")):
+        with pytest.raises(foveate.InputError, match="frames"):
+            tracker.predict(wrong)
+
+
 def test_detections_of_others(pictures: Any) -> None:
     tracker = foveate.Tracker("multi", config={"particles": 60})
     tracker.init(pictures[0], FIRST)

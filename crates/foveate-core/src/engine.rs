@@ -35,7 +35,7 @@ pub(crate) use target::{Estimate, Target};
 use view::{Looks, Scratch, View};
 use visibility::Visibility;
 
-use crate::control::{FrameEvidence, TrackConfidence};
+use crate::control::{FrameEvidence, Leap, TrackConfidence};
 use crate::gaze::{Context, Plan};
 use crate::geometry::{BBox, Extent, State};
 use crate::identity::box_regression::BoxRegression;
@@ -345,6 +345,11 @@ impl Engine {
     /// Returns whether detections move or weigh the particles.
     pub(crate) fn uses_detections(&self) -> bool {
         self.parts.filter.uses_detections()
+    }
+
+    /// Returns the mean and covariance of several frames of motion; `None` without a closed form.
+    pub(crate) fn moments(&self, frames: usize) -> Option<Leap> {
+        self.parts.filter.proposal.moments(frames)
     }
 
     /// Returns whether the engine searches for the target. The search follows its own P(lost), not the reported status.

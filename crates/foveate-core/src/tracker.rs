@@ -36,6 +36,8 @@ pub struct Tracker {
     sensor: Option<Sensor>,
     /// Width, height and planes of the pictures.
     shape: Option<[usize; 3]>,
+    /// The result of the last picture; `None` before the first one and after [`Tracker::load`].
+    last: Option<Seen<'static>>,
 }
 
 impl std::fmt::Debug for Tracker {
@@ -65,7 +67,7 @@ impl Tracker {
     /// Creates a tracker of these parts, or of several that vote.
     fn of(origin: Origin, parts: Vec<Parts>, preprocessor: Preprocessor) -> Self {
         let ensemble = Ensemble::new(parts, origin.seed, origin.target);
-        Self { origin, ensemble, preprocessor, sensor: None, shape: None }
+        Self { origin, ensemble, preprocessor, sensor: None, shape: None, last: None }
     }
 
     /// Sets the sensor that reads pictures.
@@ -93,7 +95,9 @@ impl Tracker {
         let image = visible(self.sensor.as_ref(), picture)?;
         self.preprocessor.look(image);
         self.shape = Some(picture.shape());
-        self.ensemble.init(image, bbox)
+        self.ensemble.init(image, bbox)?;
+        self.last = Some(Seen::given(picture.shape(), &bbox));
+        Ok(())
     }
 
     /// Tracks the target into the next picture of the video. With `[sensor]` the tracker reads the overview first, then the windows around
@@ -111,7 +115,9 @@ impl Tracker {
         sensor.begin(picture)?;
         look(&mut self.preprocessor, &mut self.ensemble, sensor.seen());
         let detections = self.preprocessor.detections();
-        self.ensemble.step(World::Sensor { sensor, source: picture, detections })
+        let seen = self.ensemble.step(World::Sensor { sensor, source: picture, detections })?;
+        self.last = Some(seen.without_views());
+        Ok(seen)
     }
 
     /// Tracks the target as [`Tracker::update`] does, with the detections of your own detector instead of those of the configuration's.
@@ -143,7 +149,39 @@ impl Tracker {
         let seen = self.ensemble.step_on(Scene { image, detections });
         // Camera motion and detectors read whole pictures.
         let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { seen.values };
-        Ok(Seen { values, ..seen })
+        let seen = Seen { values, ..seen };
+        self.last = Some(seen.without_views());
+        Ok(seen)
+    }
+
+    /// Predicts the box and its covariance `dt` frames after the last picture, 0 or more, from the dynamics: to aim a camera or an arm at
+    /// the time when it moves. Between whole frames mean and covariance are interpolated. The tracker does not change; status and P(lost)
+    /// are those of the last picture, and the box may lie outside it. Multiply seconds by the frame rate.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] before the first picture or after [`Tracker::load`], if `dt` is not from 0 to 10⁶, or if dynamics of your own
+    /// have no closed form.
+    pub fn predict(&self, dt: f64) -> Result<Seen<'static>> {
+        const MOST: f64 = 1e6;
+        let invalid = |problem: &str| Error::Invalid(format!("predict: {problem}"));
+        let last = self.last.ok_or_else(|| invalid("there is no result yet; call init or update first"))?;
+        if !(0.0..=MOST).contains(&dt) {
+            return Err(invalid(&format!("the time is {dt}; expected frames from 0 to {MOST}")));
+        }
+        let at = |frames: usize| {
+            let leap = self.ensemble.first().moments(frames);
+            let leap =
+                leap.ok_or_else(|| invalid("these dynamics have no closed form; implement Dynamics::moments"))?;
+            let (mut mean, mut covariance) = (last.state, last.covariance);
+            leap.spread(&mut mean, &mut covariance);
+            Ok((mean.to_array(), covariance))
+        };
+        let (whole, share) = (dt.floor(), dt.fract());
+        let ((a, c), (b, d)) = (at(whole as usize)?, at(dt.ceil() as usize)?);
+        let between = |a: f64, b: f64| a + share * (b - a);
+        let state = State::from_array(std::array::from_fn(|i| between(a[i], b[i])));
+        let covariance = std::array::from_fn(|i| std::array::from_fn(|j| between(c[i][j], d[i][j])));
+        Ok(Seen { bbox: state.bbox(last.extent), state, covariance, ..last })
     }
 
     /// Shows a picture without tracking to the detector and the camera motion, which compare pictures: one before the target is given, or
@@ -191,6 +229,9 @@ impl Tracker {
         }
         bbox.check()?;
         self.ensemble.reset_at(&bbox);
+        let state = self.ensemble.first().state_at(&bbox);
+        let place = |last: Seen<'static>| Seen { extent: last.extent, state, ..Seen::given(last.shape, &bbox) };
+        self.last = self.last.map(place);
         Ok(())
     }
 
@@ -230,6 +271,7 @@ impl Tracker {
     /// names the settings that differ. The contents of model files are not compared.
     pub fn load(&mut self, saved: &SavedState) -> Result<()> {
         saved.check_origin(&self.origin)?;
+        self.last = None;
         self.ensemble.load(&saved.part("ensemble"))?;
         self.shape = saved.part_read("shape")?;
         match self.shape.is_some() == self.has_target() {
@@ -275,6 +317,7 @@ impl Blueprint {
 mod tests {
     use super::*;
     use crate::engine::toy::{Toy, parts, picture, target};
+    use crate::geometry::Covariance;
 
     /// All values count with a flow or a detector, which read the whole picture; without them only the pixels of the looks do.
     #[test]
@@ -286,5 +329,41 @@ mod tests {
             let values = tracker.update(&image).expect("a picture of that size").values;
             assert_eq!(values == 100 * 100, all, "{values} values with flow {flow:?}");
         }
+    }
+
+    /// Constant velocity with damping d and noises q, p: after n frames x has moved by (d + ... + dⁿ) v, and its variance is
+    /// Cxx + 2 s Cxv + s² Cvv + n p² + q² Σ (1 + d + ... + dᵏ)² over k < n, with s the sum above and p² that of a heavy-tailed normal.
+    #[test]
+    fn predictions_in_closed_form() {
+        let mut tracker = Tracker::new("natural").expect("it ships");
+        let none = tracker.predict(1.0).expect_err("no target").to_string();
+        assert!(none.contains("call init"), "{none}");
+        tracker.init(&picture(), target(50.0)).expect("a box in the picture");
+        let image = picture();
+        let seen = tracker.update(&image).expect("a picture of that size").without_views();
+        let unit = tracker.extent().expect("a target").mean();
+        let config = crate::config::Config::builtin("natural").expect("it ships").expect("valid");
+        let dynamics: toml::Value = toml::from_str(&config.to_toml()).expect("TOML");
+        let of = |name: &str| dynamics["dynamics"][name].as_float().expect("a number");
+        let (d, q, p) = (of("damping"), unit * of("velocity"), unit * of("position"));
+        let p2 = p * p * (1.0 + of("tail_probability") * (of("tail_scale").powi(2) - 1.0));
+        let exact = |n: i32| {
+            let s: f64 = (1..=n).map(|k| d.powi(k)).sum();
+            let sums = (0..n).map(|k| (0..=k).map(|j| d.powi(j)).sum::<f64>().powi(2)).sum::<f64>();
+            let c: Covariance = seen.covariance;
+            let variance = c[0][0] + 2.0 * s * c[0][2] + s * s * c[2][2] + f64::from(n) * p2 + q * q * sums;
+            (seen.state.x + s * seen.state.vx, variance)
+        };
+        for n in 0..6 {
+            let (x, variance) = exact(n);
+            let ahead = tracker.predict(f64::from(n)).expect("a prediction");
+            assert!((ahead.state.x - x).abs() < 1e-9 && (ahead.covariance[0][0] / variance - 1.0).abs() < 1e-9, "{n}");
+            assert!((ahead.bbox.centre().0 - x).abs() < 1e-9 && ahead.p_lost == seen.p_lost);
+        }
+        let half = tracker.predict(2.5).expect("a prediction").state.x;
+        assert!((half - 0.5 * (exact(2).0 + exact(3).0)).abs() < 1e-9);
+        assert!(tracker.predict(-1.0).is_err() && tracker.predict(f64::NAN).is_err());
+        tracker.reset_at(target(30.0)).expect("a box");
+        assert_eq!(tracker.predict(0.0).expect("a prediction").bbox, target(30.0));
     }
 }

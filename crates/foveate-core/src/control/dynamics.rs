@@ -32,6 +32,10 @@ pub trait Dynamics: Send + Sync {
     fn over(&self, _frames: usize) -> Option<Leap> {
         None
     }
+    /// The normal density with the mean and covariance of several frames of motion; `None` without a closed form.
+    fn moments(&self, frames: usize) -> Option<Leap> {
+        self.over(frames)
+    }
     /// One draw for each state, in one virtual call; not the bits that calls of `sample` give, but of the same law.
     /// The draws for fewer states are the first ones of those for more.
     fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
@@ -159,6 +163,17 @@ impl Autoregressive {
             log_aspect: self.aspect_pull * previous.log_aspect + self.aspect * aspect,
         }
     }
+    /// Several frames of this motion, with the variances of position and shape `wider` times as large.
+    fn leap(&self, wider: f64, frames: usize) -> Leap {
+        let &Self { damping, velocity, position, .. } = self;
+        let pull = [self.scale_pull, self.angle_pull, self.aspect_pull];
+        let shape = [self.log_scale, self.angle, self.aspect].map(|sd| wider.sqrt() * sd);
+        Leap::of(Pace { damping, velocity, position: wider.sqrt() * position, pull, shape }, frames)
+    }
+    /// The variance of heavy-tailed noise relative to that of the narrow part.
+    fn wider(&self) -> f64 {
+        1.0 + self.tail_probability * (self.tail_scale * self.tail_scale - 1.0)
+    }
     /// The noises of a state from the heavy tail.
     fn tail(&self, ([velocity, position, shape], aspect): Noise) -> Noise {
         let wide = |x: f64| self.tail_scale * x;
@@ -172,8 +187,7 @@ impl Dynamics for Autoregressive {
     }
 
     fn spread(&self) -> f64 {
-        let wider = 1.0 + self.tail_probability * (self.tail_scale * self.tail_scale - 1.0);
-        (self.velocity * self.velocity + wider * self.position * self.position).sqrt()
+        (self.velocity * self.velocity + self.wider() * self.position * self.position).sqrt()
     }
 
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
@@ -181,10 +195,11 @@ impl Dynamics for Autoregressive {
     }
 
     fn over(&self, frames: usize) -> Option<Leap> {
-        let &Self { damping, velocity, position, .. } = self;
-        let (pull, shape) =
-            ([self.scale_pull, self.angle_pull, self.aspect_pull], [self.log_scale, self.angle, self.aspect]);
-        (self.tail_probability <= 0.0).then(|| Leap::of(Pace { damping, velocity, position, pull, shape }, frames))
+        (self.tail_probability <= 0.0).then(|| self.leap(1.0, frames))
+    }
+
+    fn moments(&self, frames: usize) -> Option<Leap> {
+        Some(self.leap(self.wider(), frames))
     }
 
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {

@@ -129,6 +129,10 @@ impl Proposal for Mixture {
         if self.clamp_to_frame { None } else { self.prior.over(frames) }
     }
 
+    fn moments(&self, frames: usize) -> Option<Leap> {
+        self.prior.moments(frames)
+    }
+
     fn propose(
         &mut self,
         scene: Scene<'_>,

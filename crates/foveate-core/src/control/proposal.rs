@@ -18,6 +18,11 @@ pub trait Proposal: Send + Sync {
     fn over(&self, _frames: usize) -> Option<Leap> {
         None
     }
+    /// The normal density with the mean and covariance of several frames of the dynamics, without the edges of the picture; `None`
+    /// without a closed form.
+    fn moments(&self, frames: usize) -> Option<Leap> {
+        self.over(frames)
+    }
     /// Whether the proposal depends on detections. If not, a tracker refuses detections that nothing else uses.
     fn uses_detections(&self) -> bool {
         true
@@ -80,6 +85,10 @@ impl Proposal for Prior {
 
     fn over(&self, frames: usize) -> Option<Leap> {
         if self.clamp_to_frame { None } else { self.dynamics.over(frames) }
+    }
+
+    fn moments(&self, frames: usize) -> Option<Leap> {
+        self.dynamics.moments(frames)
     }
 
     fn uses_detections(&self) -> bool {
