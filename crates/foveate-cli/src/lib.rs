@@ -66,6 +66,8 @@ enum Command {
     Track(Box<cmd::track::Args>),
     /// Annotate a video: boxes of all frames from those of a few, and the frames to check first
     Annotate(Box<cmd::annotate::Args>),
+    /// Measure motion in metres and seconds: positions, velocities, accelerations and fits, with errors
+    Measure(Box<cmd::measure::MeasureArgs>),
     /// Show salient or moving regions of a frame, and the candidates found there
     Look(cmd::look::Args),
     /// Watch the tracker in a browser: draw a box, pause, step back, correct, save
@@ -167,6 +169,7 @@ fn run(arguments: Vec<OsString>, program: PathBuf, parts: Parts) -> u8 {
         Command::Demo(args) => cmd::demo::run(args),
         Command::Track(args) => cmd::track::run(*args),
         Command::Annotate(args) => cmd::annotate::run(*args),
+        Command::Measure(args) => cmd::measure::run(*args),
         Command::Look(args) => cmd::look::run(args),
         Command::Serve(args) => cmd::serve::run(args),
         Command::Pick(args) => cmd::serve::run_pick(args),

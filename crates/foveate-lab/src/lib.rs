@@ -7,6 +7,8 @@ pub mod eval;
 #[cfg(feature = "eval")]
 pub mod hide;
 pub mod idx;
+#[cfg(feature = "eval")]
+pub mod measure;
 pub mod spline;
 pub mod strokes;
 pub mod synthetic;

@@ -9,6 +9,7 @@ pub(crate) mod demo;
 pub(crate) mod eval;
 pub(crate) mod look;
 pub(crate) mod man;
+pub(crate) mod measure;
 mod results;
 pub(crate) mod serve;
 pub(crate) mod synth;

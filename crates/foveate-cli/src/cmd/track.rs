@@ -11,7 +11,7 @@ use foveate::{Error, Result};
 use super::of_file;
 use super::results::{Ended, Results};
 use crate::terminal;
-pub(crate) use args::{Args, DIGITS};
+pub(crate) use args::{Args, DIGITS, Measure};
 use detections::DetectionSource;
 use ending::Ending;
 use plan::{Job, Plan, Subject};
@@ -24,6 +24,7 @@ mod detections;
 mod ending;
 pub(crate) mod init;
 mod many;
+mod measured;
 pub(crate) mod outputs;
 mod plan;
 mod saved;
@@ -53,13 +54,17 @@ pub(crate) fn run(args: Args) -> Result<()> {
 
 /// Tracks through one source and writes the results to `out`.
 fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
-    let Plan { opened, mut subject, job } = Plan::new(args, source, out)?;
+    let Plan { opened, mut subject, job, measured } = Plan::new(args, source, out)?;
     terminal::catch_interrupts();
     if let Subject::Many(tracker, ..) = &subject {
         terminal::tell_stop(tracker.stopper());
     }
     let (results, failed) = (job.begin_results()?, FailedOutputs::default());
     let mut observers = job.outputs.observers(results.folder(), &job.info, &failed)?;
+    let lines = measured.as_ref().map(|measured| measured.lines.clone()).unwrap_or_default();
+    if let Some(measured) = measured {
+        observers.push(measured.observer(results.folder(), source, &failed)?);
+    }
     let (began, tiles, Started { mut source, counts }) = (Instant::now(), opened.tiles.clone(), opened.start());
     if let Some(stream) = job.stream {
         let stream = stream.observer(counts.meter.clone(), source.remarks())?;
@@ -107,6 +112,9 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
     let errors = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten();
     let error = errors.map(ToString::to_string).reduce(|all, error| all + "; " + &error);
     tell(&job, &subject, &summary, files, began, error.clone());
+    if !job.json {
+        lines.all().iter().for_each(|line| say!("{line}"));
+    }
     ended(out, tracked, error.map_or(Ok(()), |error| Err(Error::Invalid(error))), summary.stopped)?;
     Ok(Tally { frames: summary.frames, occluded_frames: summary.occluded, lost_frames: summary.lost })
 }

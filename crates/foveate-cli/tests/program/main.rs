@@ -9,6 +9,7 @@ mod convert;
 mod facade;
 mod files;
 mod kernels;
+mod measure;
 mod pages;
 #[path = "../place/mod.rs"]
 mod place;

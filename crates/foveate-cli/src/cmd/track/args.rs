@@ -6,6 +6,7 @@ use foveate::Result;
 use foveate::config::{Blueprint, Config, DetectorConfig, RecogniserConfig};
 use foveate::files::Folder;
 use foveate::geometry::BBox;
+use foveate::lab::measure::Settings;
 
 use super::init::{Init, parse_again, parse_init, truth_file};
 use super::many::ManyArgs;
@@ -59,7 +60,7 @@ pub(crate) struct Args {
     /// Output folder: boxes.txt, track.csv, annotated.mp4, report.html, surface.png if the gaze policy learns, and run.json, which lists
     /// the files. With many targets: tracks.txt, tracks.csv, targets.csv, annotated.mp4, report.html
     #[arg(long, short, value_name = "DIR", default_value = "out")]
-    pub(super) out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Configuration file, or the name of a shipped configuration (natural, digits, ...: see `foveate configs`); default: natural
     #[arg(long, short, value_name = "FILE|NAME")]
     pub(super) config: Option<String>,
@@ -101,6 +102,17 @@ pub(crate) struct Args {
     /// Do not write report.html and surface.png
     #[arg(long)]
     pub(super) no_report: bool,
+    /// Measures the motion: set by `foveate measure`
+    #[arg(skip)]
+    pub(crate) measure: Option<Measure>,
+}
+
+/// What `foveate measure` adds to a run.
+#[derive(Clone)]
+pub(crate) struct Measure {
+    pub settings: Settings,
+    /// The box in the first frame of a thing at rest.
+    pub reference: Option<BBox>,
 }
 
 impl Args {

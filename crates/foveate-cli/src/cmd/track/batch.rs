@@ -158,8 +158,8 @@ fn settings() -> Result<String> {
     let words = std::iter::once("foveate".to_owned()).chain(crate::invocation::words());
     let mut command = crate::Cli::command();
     let matches = command.try_get_matches_from_mut(words).map_err(|e| Error::Invalid(e.to_string()))?;
-    let mut settings = "track".to_owned();
-    let Some((name, given)) = matches.subcommand() else { return Ok(settings) };
+    let Some((name, given)) = matches.subcommand() else { return Ok(String::new()) };
+    let mut settings = name.to_owned();
     let known = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
     for option in known.filter(|option| !NO_SETTINGS.contains(&option.get_id().as_str())) {
         let (id, long) = (option.get_id().as_str(), option.get_long().unwrap_or_default());

@@ -32,7 +32,7 @@ pub(crate) fn parse_init(text: &str) -> std::result::Result<Init, String> {
 }
 
 /// Parses `x,y,w,h` counted from 1 into a box counted from 0.
-fn parse_box(text: &str) -> std::result::Result<BBox, String> {
+pub(crate) fn parse_box(text: &str) -> std::result::Result<BBox, String> {
     let numbers: Vec<f64> = text
         .split(',')
         .map(|n| n.trim().parse())

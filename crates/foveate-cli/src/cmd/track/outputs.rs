@@ -6,6 +6,7 @@ use super::tolerant::FailedOutputs;
 use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
+use foveate::lab::measure::FILES;
 use foveate::report::{
     Boxes, Film, MotFile, Observer, Report, RunInfo, SurfacePicture, Table, TargetsTable, Trace, TracksTable,
 };
@@ -23,6 +24,8 @@ pub(crate) struct Outputs {
     pub surface: bool,
     pub trace: bool,
     pub regret: bool,
+    /// The files of `foveate measure`, which [`super::measured::Measured`] writes.
+    pub measure: bool,
     /// Whether the source is endless: tables then grow in place, and report, trace and regret hold only the first frames.
     pub endless: bool,
 }
@@ -33,7 +36,7 @@ const FIRST: usize = 10_000;
 impl Outputs {
     /// Returns the names of the files.
     pub(crate) fn names(self) -> Vec<&'static str> {
-        let all: [(bool, &[&str]); 7] = [
+        let all: [(bool, &[&str]); 8] = [
             (!self.many, &["boxes.txt", "track.csv"]),
             (self.many, &["tracks.txt", "tracks.csv", "targets.csv"]),
             (self.trace, &["trace.jsonl"]),
@@ -41,6 +44,7 @@ impl Outputs {
             (self.report, &["report.html"]),
             (self.surface, &["surface.png"]),
             (self.regret, &["regret.csv", "regret.svg"]),
+            (self.measure, &FILES),
         ];
         all.into_iter().filter(|(asked, _)| *asked).flat_map(|(_, files)| files).copied().collect()
     }

@@ -15,6 +15,7 @@ use foveate::{BBox, Error, MultiTracker, Result, Tracker, files};
 use super::args::Args;
 use super::detections::{DetectionSource, Detections};
 use super::init::{Frames, check_again, first_box, known_truth};
+use super::measured::Measured;
 use super::outputs::{Outputs, run_info};
 use super::saved::{SavedState, video_name};
 use super::source::{Opened, StreamTo, is_endless};
@@ -27,6 +28,7 @@ pub(super) struct Plan<'a> {
     pub opened: Opened,
     pub subject: Subject,
     pub job: Job<'a>,
+    pub measured: Option<Measured>,
 }
 
 /// The tracker of a run.
@@ -92,6 +94,8 @@ impl<'a> Plan<'a> {
                 (frames, None, given)
             }
         };
+        let of = |measure| Measured::new(measure, &opened, many, (&blueprint, seed));
+        let measured = args.measure.as_ref().map(of).transpose()?;
         let report = !args.no_report;
         let outputs = Outputs {
             many,
@@ -100,6 +104,7 @@ impl<'a> Plan<'a> {
             surface: report && subject.has_surface(),
             trace: args.trace,
             regret: args.regret,
+            measure: measured.is_some(),
             endless: opened.endless,
         };
         if !many {
@@ -126,7 +131,7 @@ impl<'a> Plan<'a> {
             save_state,
         };
         job.check_written(args.save_state.as_deref().or(args.many.save_detections.as_deref()))?;
-        Ok(Self { opened, subject, job })
+        Ok(Self { opened, subject, job, measured })
     }
 }
 

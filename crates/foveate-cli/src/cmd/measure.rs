@@ -1,0 +1,161 @@
+//! Implements `foveate measure`: motion in metres and seconds, from a video or from the track.csv of a run.
+
+use std::path::PathBuf;
+
+use foveate::BBox;
+use foveate::lab::measure::{self, Axes, Clock, Curve, FitRequest, Scale, Settings};
+use foveate::{Error, Result};
+
+use super::results::spare;
+use super::track;
+use super::track::init::parse_box;
+
+/// Help text on the results.
+const FILES: &str = "\
+The output folder also has measure.csv (times, positions, velocities and accelerations with their standard errors), fits.json and
+measure.html. All points, origins and boxes count pixels from 1. y points up. Results of a fit have the errors of tracking, scale and clock.
+
+Example: foveate measure ball.mp4 --init 310,40,28,28 --ruler 100,60,100,460=1.000+-0.002m --fit parabola:y";
+
+#[derive(clap::Args)]
+#[command(after_help = FILES, mut_arg("sources", |sources| sources.required(false).required_unless_present("track")))]
+pub(crate) struct MeasureArgs {
+    /// Measure an existing track.csv of `foveate track` instead of a video
+    #[arg(long, value_name = "track.csv", conflicts_with_all = ["sources", "reference"])]
+    track: Option<PathBuf>,
+    /// Scale: two points in the picture and the length between them, with its standard error and unit (mm, cm, m, km, in, ft; default: m).
+    /// Without it lengths are in pixels
+    #[arg(long, value_name = "X1,Y1,X2,Y2=LENGTH[+-ERROR][UNIT]", value_parser = parse_ruler, allow_hyphen_values = true)]
+    ruler: Option<Scale>,
+    /// Origin of the coordinates. Default: the target's first position
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    origin: Option<(f64, f64)>,
+    /// Direction of the x axis, degrees anticlockwise from the picture's right
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, hide_default_value = true, value_parser = parse_angle, allow_hyphen_values = true)]
+    angle: f64,
+    /// Frames per second at which the scene was recorded, for slow motion or wrong time stamps. Default: the times of the video
+    #[arg(long, value_name = "RATE[+-ERROR]", value_parser = parse_clock)]
+    fps: Option<Clock>,
+    /// Fit a curve to x or y: line, parabola (y: g), sine (period), damped, exponential or drag (y: g), over all times or a range in
+    /// seconds, such as parabola:y:0.10-0.45. Repeatable
+    #[arg(long, value_name = "CURVE:x|y[:FROM-TO]", value_parser = parse_fit)]
+    fit: Vec<FitRequest>,
+    /// Moving camera: a box in the first frame around a thing at rest. It is tracked too, and positions are relative to it
+    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_box, allow_hyphen_values = true)]
+    reference: Option<BBox>,
+    #[command(flatten)]
+    run: track::Args,
+}
+
+pub(crate) fn run(args: MeasureArgs) -> Result<()> {
+    let MeasureArgs { track: file, ruler: scale, origin, angle, fps: clock, fit: fits, reference, mut run } = args;
+    let settings = Settings { axes: Axes { scale, origin, angle }, clock, fits };
+    let Some(file) = file else {
+        run.measure = Some(track::Measure { settings, reference });
+        return track::run(run);
+    };
+    let folder = &run.out;
+    for name in measure::FILES {
+        spare(&folder.join(name), &[&file])?;
+    }
+    let measured = measure::measure(&measure::read(&file)?, None, &settings).map_err(super::of_file(&file))?;
+    std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
+    measure::write(folder, &file.display().to_string(), &measured)?;
+    measured.text().iter().for_each(|line| say!("{line}"));
+    say!("{}: {}", folder.display(), measure::FILES.join(", "));
+    Ok(())
+}
+
+type Parsed<T> = std::result::Result<T, String>;
+
+/// Parses finite numbers between commas.
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|n| n.trim().parse().ok().filter(|n: &f64| n.is_finite())).collect();
+    numbers?.try_into().ok()
+}
+
+fn parse_point(text: &str) -> Parsed<(f64, f64)> {
+    let [x, y] = numbers(text).ok_or_else(|| format!("expected two numbers x,y such as 120,80, got \"{text}\""))?;
+    Ok((x - 1.0, y - 1.0))
+}
+
+fn parse_angle(text: &str) -> Parsed<f64> {
+    let [angle] = numbers(text).ok_or_else(|| format!("expected degrees such as -12.5, got \"{text}\""))?;
+    Ok(angle)
+}
+
+/// Parses a value above 0 with its standard error: `1.0`, `1.0+-0.1` or `1.0±0.1`.
+fn value_with_error(text: &str) -> Option<(f64, f64)> {
+    let (value, error) = text.split_once("+-").or_else(|| text.split_once('±')).unwrap_or((text, "0"));
+    let [value] = numbers(value)?;
+    let [error] = numbers(error)?;
+    (value > 0.0 && error >= 0.0).then_some((value, error))
+}
+
+fn parse_ruler(text: &str) -> Parsed<Scale> {
+    const UNITS: [(&str, f64); 6] =
+        [("mm", 1e-3), ("cm", 1e-2), ("km", 1e3), ("m", 1.0), ("in", 0.0254), ("ft", 0.3048)];
+    let parsed = || {
+        let (points, length) = text.split_once('=')?;
+        let [x1, y1, x2, y2] = numbers(points)?;
+        let named = UNITS.iter().find_map(|(name, metres)| Some((length.trim().strip_suffix(name)?, *metres)));
+        let (length, metres) = named.unwrap_or((length, 1.0));
+        let (length, error) = value_with_error(length)?;
+        Scale::of([(x1, y1), (x2, y2)], length * metres, error * metres)
+    };
+    let wrong = || format!("expected two points and a length such as 100,60,100,460=1.000+-0.002m, got \"{text}\"");
+    parsed().ok_or_else(wrong)
+}
+
+fn parse_clock(text: &str) -> Parsed<Clock> {
+    let wrong = || format!("expected frames per second such as 240 or 240+-0.5, got \"{text}\"");
+    value_with_error(text).map(|(rate, error)| Clock { rate, error }).ok_or_else(wrong)
+}
+
+fn parse_fit(text: &str) -> Parsed<FitRequest> {
+    let parsed = || {
+        let mut parts = text.split(':');
+        let (name, axis, range) = (parts.next()?, parts.next()?, parts.next());
+        let (_, curve) = *Curve::ALL.iter().find(|(known, _)| *known == name)?;
+        let axis = measure::AXES.iter().position(|known| *known == axis)?;
+        let range = match range {
+            None => None,
+            Some(range) => {
+                let (from, to) = range.split_once('-')?;
+                let ([from], [to]) = (numbers(from)?, numbers(to)?);
+                Some((from, to)).filter(|_| from < to)
+            }
+            .map(Some)?,
+        };
+        parts.next().is_none().then_some(FitRequest { curve, axis, range })
+    };
+    let known = Curve::ALL.map(|(name, _)| name).join(", ");
+    parsed().ok_or_else(|| {
+        format!("expected CURVE:x or CURVE:y, with :FROM-TO for a range; the curves are {known}; got \"{text}\"")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_read_or_refused() {
+        let ruler = parse_ruler("1,1,1,201=50+-0.5cm").expect("a ruler");
+        assert!((ruler.metres - 0.0025).abs() < 1e-12 && ruler.error > 0.01);
+        assert!(parse_ruler("0,0,3,4=2ft").is_ok_and(|r| (r.metres - 0.12192).abs() < 1e-12));
+        assert_eq!(parse_clock("240±0.5"), Ok(Clock { rate: 240.0, error: 0.5 }));
+        assert_eq!(parse_point("1,2"), Ok((0.0, 1.0)));
+        let fit = FitRequest { curve: Curve::Parabola, axis: 1, range: Some((0.1, 0.45)) };
+        assert_eq!(parse_fit("parabola:y:0.1-0.45"), Ok(fit));
+        assert_eq!(parse_fit("sine:x").map(|fit| fit.range), Ok(None));
+        for wrong in ["1,1,1,1=1m", "1,2,3=1m", "1,2,3,4", "1,2,3,4=-1m", "1,2,3,4=1lightyear"] {
+            assert!(parse_ruler(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["cubic:y", "line", "line:z", "line:x:2-1", "line:x:1-2:3"] {
+            assert!(parse_fit(wrong).is_err(), "{wrong}");
+        }
+        assert!(parse_clock("0").is_err() && parse_clock("30+-x").is_err() && parse_point("1").is_err());
+    }
+}

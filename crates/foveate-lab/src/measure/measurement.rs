@@ -1,0 +1,441 @@
+//! A measurement: smoothed motion in units, and fits.
+
+use std::fmt::Write as _;
+
+use foveate_base::{Error, Result};
+use foveate_report::quoted;
+use serde::Serialize;
+
+use super::fit::{Fitted, Point, fit, student};
+use super::models::Curve;
+use super::smooth::{Sample, Smoothed, Smoothing, median, smooth};
+use super::track::Position;
+use super::units::{Axes, Clock, unit, with_error};
+
+/// The smallest standard deviation of a position, pixels.
+const FINEST: f64 = 1e-3;
+
+/// A requested fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitRequest {
+    /// The curve.
+    pub curve: Curve,
+    /// The coordinate: 0 for x, 1 for y.
+    pub axis: usize,
+    /// First and last time, seconds; `None` for all.
+    pub range: Option<(f64, f64)>,
+}
+
+impl FitRequest {
+    /// Returns the request as on the command line.
+    pub fn name(&self) -> String {
+        let range = self.range.map_or(String::new(), |(from, to)| format!(":{from}-{to}"));
+        format!("{}:{}{range}", self.curve.name(), AXES[self.axis])
+    }
+}
+
+/// The names of the coordinates.
+pub const AXES: [&str; 2] = ["x", "y"];
+
+/// Units, axes, clock and fits of a measurement.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Settings {
+    /// The coordinate system.
+    pub axes: Axes,
+    /// A frame rate that replaces the times of the source.
+    pub clock: Option<Clock>,
+    /// The fits.
+    pub fits: Vec<FitRequest>,
+}
+
+/// One frame of a measurement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// From 1.
+    pub frame: usize,
+    /// Seconds.
+    pub time: f64,
+    /// The tracked coordinates; `None` if the target was lost or occluded.
+    pub measured: Option<[f64; 2]>,
+    /// Smoothed x and y.
+    pub smoothed: [Smoothed; 2],
+    /// Probability that the target is lost, 0 to 1.
+    pub p_lost: f64,
+    /// Track status.
+    pub status: String,
+}
+
+/// A parameter with its standard error.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Value {
+    /// Its name in the formula.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its standard error, with those of scale and clock.
+    pub error: f64,
+    /// The 95 % interval.
+    pub interval: [f64; 2],
+    /// Its unit.
+    pub unit: String,
+}
+
+/// The result of a fit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Fit {
+    /// The request as on the command line.
+    pub fit: String,
+    /// The formula.
+    pub formula: &'static str,
+    /// The time at which t of the formula is 0, seconds.
+    pub t0: f64,
+    /// The parameters, then what follows from them.
+    pub values: Vec<Value>,
+    /// Number of points.
+    pub points: usize,
+    /// Root mean square of the residuals.
+    pub rms: f64,
+    /// Unit of the residuals.
+    pub unit: &'static str,
+    /// The correlation of the residuals from one frame to the next.
+    pub correlation: f64,
+    /// The coordinate, 0 or 1, and the curve.
+    #[serde(skip)]
+    pub curve: (usize, Curve),
+    /// Times, data and residuals of the points.
+    #[serde(skip)]
+    pub data: Vec<(f64, f64, f64)>,
+}
+
+impl Fit {
+    /// Returns the value of the curve at a time.
+    pub fn at(&self, time: f64) -> f64 {
+        let values: Vec<f64> = self.values.iter().map(|value| value.value).collect();
+        self.curve.1.at(&values, time - self.t0)
+    }
+}
+
+/// A measurement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measurement {
+    /// Unit of length: m or px.
+    pub unit: &'static str,
+    /// Relative standard errors of all lengths and of all times.
+    pub relative: [f64; 2],
+    /// From the first to the last frame with a position.
+    pub rows: Vec<Row>,
+    /// The smoothing of x and y.
+    pub smoothing: [Smoothing; 2],
+    /// The fits.
+    pub fits: Vec<Fit>,
+    /// Fits that failed, and other notes: whole sentences.
+    pub notes: Vec<String>,
+}
+
+/// Measures the motion of a track. Positions are relative to the reference track, if there is one: its frames must be those of the track.
+///
+/// # Errors
+/// There are too few positions, or times that do not increase.
+pub fn measure(track: &[Position], reference: Option<&[Position]>, settings: &Settings) -> Result<Measurement> {
+    let usable = |k: usize| track[k].usable && reference.is_none_or(|other| other.get(k).is_some_and(|p| p.usable));
+    let all: Vec<usize> = (0..track.len()).filter(|k| usable(*k)).collect();
+    let (Some(&first), Some(&last)) = (all.first(), all.last()) else {
+        return Err(Error::Invalid("the target was found in no frame; there is nothing to measure".into()));
+    };
+    let axes = &settings.axes;
+    let given = usual(track);
+    let given_reference = reference.map_or([0.0; 3], usual);
+    // Relative to the reference, which stays at its first position.
+    let start = reference.map(|other| other[first].centre);
+    let place = |k: usize| {
+        let (mut centre, mut covariance) = (track[k].centre, track[k].covariance.unwrap_or(given));
+        if let (Some(other), Some(start)) = (reference, start) {
+            let moved = other[k].centre;
+            centre = (centre.0 - moved.0 + start.0, centre.1 - moved.1 + start.1);
+            let theirs = other[k].covariance.unwrap_or(given_reference);
+            covariance = std::array::from_fn(|i| covariance[i] + theirs[i]);
+        }
+        covariance[0] = covariance[0].max(FINEST * FINEST);
+        covariance[2] = covariance[2].max(FINEST * FINEST);
+        (centre, covariance)
+    };
+    let origin = axes.origin.unwrap_or(place(first).0);
+    let time = |position: &Position| match settings.clock {
+        Some(clock) => (position.frame as f64 - 1.0) / clock.rate,
+        None => position.time,
+    };
+    let frames = &track[first..=last];
+    let mut samples: [Vec<Sample>; 2] = Default::default();
+    let mut measured = vec![];
+    for (k, position) in (first..).zip(frames) {
+        let found = usable(k).then(|| {
+            let (centre, covariance) = place(k);
+            axes.apply((centre.0 - origin.0, centre.1 - origin.1), covariance)
+        });
+        measured.push(found.map(|(value, _)| value));
+        for (i, samples) in samples.iter_mut().enumerate() {
+            let measured = found.map(|(value, variance)| (value[i], variance[i]));
+            samples.push(Sample { time: time(position), measured });
+        }
+    }
+    let smoothing = [smooth(&samples[0])?, smooth(&samples[1])?];
+    let row = |(k, position): (usize, &Position)| Row {
+        frame: position.frame,
+        time: time(position),
+        measured: measured[k],
+        smoothed: [0, 1].map(|i| smoothing[i].frames[k]),
+        p_lost: position.p_lost,
+        status: position.status.clone(),
+    };
+    let rows: Vec<Row> = frames.iter().enumerate().map(row).collect();
+    let relative = [axes.error(), settings.clock.map_or(0.0, |clock| clock.error / clock.rate)];
+    let (mut fits, mut notes) = (vec![], vec![]);
+    for request in &settings.fits {
+        let inside = |t: f64| request.range.is_none_or(|(from, to)| (from..=to).contains(&t));
+        let (samples, smoothing) = (&samples[request.axis], &smoothing[request.axis]);
+        let of = samples.iter().zip(&smoothing.inflation).filter(|(sample, _)| inside(sample.time));
+        let points: Vec<Point> =
+            of.filter_map(|(s, factor)| s.measured.map(|(y, variance)| (s.time, y, factor * variance))).collect();
+        match fit(request.curve, &points) {
+            Ok(fitted) => fits.push(result(request, &points, &fitted, axes.unit(), relative)),
+            Err(problem) => notes.push(format!("No fit {}: {problem}.", request.name())),
+        }
+    }
+    Ok(Measurement { unit: axes.unit(), relative, rows, smoothing, fits, notes })
+}
+
+/// Returns the usual covariance of a track, for frames whose box was given.
+fn usual(track: &[Position]) -> [f64; 3] {
+    let known = |i: usize| median(track.iter().filter_map(|position| position.covariance.map(|c| c[i])));
+    [known(0), 0.0, known(2)]
+}
+
+fn result(request: &FitRequest, points: &[Point], fitted: &Fitted, length: &'static str, relative: [f64; 2]) -> Fit {
+    let (curve, quantile) = (request.curve, student(fitted.freedom));
+    // Standard error and 95 % half width: the data have a t distribution, scale and clock a normal one.
+    let value = |name: &str, value: f64, variance: f64, exponents: (i32, i32)| {
+        let common = (value * f64::from(exponents.0) * relative[0]).hypot(value * f64::from(exponents.1) * relative[1]);
+        let half = (quantile * variance.sqrt()).hypot(1.96 * common);
+        let error = variance.sqrt().hypot(common);
+        Value { name: name.into(), value, error, interval: [value - half, value + half], unit: unit(length, exponents) }
+    };
+    let (p, c) = (&fitted.values, &fitted.covariance);
+    let of = |(i, (name, length, time)): (usize, &(&str, i32, i32))| value(name, p[i], c[i][i], (*length, *time));
+    let mut values: Vec<Value> = curve.parameters().iter().enumerate().map(of).collect();
+    match (curve, request.axis) {
+        (Curve::Parabola, 1) => values.push(value("g", -p[2], c[2][2], (1, -2))),
+        // The acceleration at rest is v_end / tau.
+        (Curve::Drag, 1) => {
+            let slope = [1.0 / p[3], -p[2] / (p[3] * p[3])];
+            let both = 2.0 * slope[0] * slope[1] * c[2][3];
+            let variance = slope[0] * slope[0] * c[2][2] + slope[1] * slope[1] * c[3][3] + both;
+            values.push(value("g", -p[2] / p[3], variance, (1, -2)));
+        }
+        _ => {}
+    }
+    let data: Vec<_> = points.iter().zip(&fitted.residuals).map(|(p, r)| (p.0, p.1, *r)).collect();
+    let rms = (fitted.residuals.iter().map(|r| r * r).sum::<f64>() / points.len() as f64).sqrt();
+    Fit {
+        fit: request.name(),
+        formula: curve.formula(),
+        t0: fitted.t0,
+        values,
+        points: points.len(),
+        rms,
+        unit: length,
+        correlation: fitted.correlation,
+        curve: (request.axis, curve),
+        data,
+    }
+}
+
+impl Value {
+    /// Returns the value with its standard error, unit and 95 % interval.
+    pub fn text(&self) -> String {
+        let [low, high] = self.interval;
+        let digits = (1 - self.error.log10().floor().clamp(-300.0, 300.0) as i32).max(0) as usize;
+        let Self { name, value, error, unit, .. } = self;
+        format!("{name} = {} {unit} (95 %: {low:.digits$} to {high:.digits$})", with_error(*value, *error))
+    }
+}
+
+impl Measurement {
+    /// Returns the names of the columns of measure.csv.
+    pub fn columns(&self) -> Vec<String> {
+        // Spreadsheets read ASCII without a hint.
+        let unit = |time: i32| unit(self.unit, (1, -time)).replace('²', "^2");
+        let mut names = vec!["frame".to_owned(), "t (s)".to_owned()];
+        for (time, prefix) in [(0, ""), (1, "v"), (2, "a")] {
+            names.extend(AXES.map(|axis| format!("{prefix}{axis} ({})", unit(time))));
+        }
+        for (time, prefix) in [(0, ""), (1, "v"), (2, "a")] {
+            names.extend(AXES.map(|axis| format!("sd_{prefix}{axis} ({})", unit(time))));
+        }
+        names.extend(AXES.map(|axis| format!("tracked_{axis} ({})", unit(0))));
+        names.extend(["p_lost".to_owned(), "status".to_owned()]);
+        names
+    }
+
+    /// Returns measure.csv.
+    pub fn csv(&self) -> String {
+        let mut text = self.columns().join(",") + "\n";
+        for row in &self.rows {
+            let _ = write!(text, "{},{}", row.frame, row.time);
+            for of in [|s: &Smoothed| s.value, |s: &Smoothed| s.sd] {
+                for i in 0..3 {
+                    for smoothed in &row.smoothed {
+                        let _ = write!(text, ",{}", of(smoothed)[i]);
+                    }
+                }
+            }
+            let tracked = row.measured.map_or(",,".to_owned(), |[x, y]| format!(",{x},{y}"));
+            let _ = writeln!(text, "{tracked},{},{}", row.p_lost, quoted(&row.status));
+        }
+        text
+    }
+
+    /// Returns fits.json.
+    pub fn json(&self) -> String {
+        let [scale, clock] = self.relative;
+        let value = serde_json::json!({
+            "unit": self.unit, "relative_error_of_scale": scale, "relative_error_of_clock": clock, "fits": self.fits, "notes": self.notes,
+        });
+        format!("{value:#}\n")
+    }
+
+    /// Returns the results as lines of text.
+    pub fn text(&self) -> Vec<String> {
+        let gaps = self.rows.iter().filter(|row| row.measured.is_none()).count();
+        let off = |i: usize| self.smoothing[i].inflation.iter().filter(|factor| **factor > 1.0).count();
+        let typical = |i: usize| median(self.rows.iter().map(|row| row.smoothed[i].sd[0]));
+        let mut lines = vec![format!(
+            "{} frames, {gaps} of them bridged, {} down-weighted; typical error of a position {:.2e} {unit} in x, {:.2e} {unit} in y.",
+            self.rows.len(),
+            off(0).max(off(1)),
+            typical(0),
+            typical(1),
+            unit = self.unit
+        )];
+        for fit in &self.fits {
+            lines.push(format!(
+                "{}: {}, t from {:.4} s, rms {:.2e} {}",
+                fit.fit, fit.formula, fit.t0, fit.rms, fit.unit
+            ));
+            lines.extend(fit.values.iter().map(|value| format!("  {}", value.text())));
+        }
+        lines.extend(self.notes.iter().cloned());
+        lines
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::units::Scale;
+    use super::*;
+
+    /// A ball that falls from rest with 9.81 m/s² at 100 px/m and 50 frames/s; lost in two frames.
+    pub(in super::super) fn falling(angle: f64) -> Vec<Position> {
+        let (sin, cos) = f64::to_radians(angle).sin_cos();
+        let at = |k: usize| {
+            let t = k as f64 / 50.0;
+            let fallen = 100.0 * 4.905 * t * t + 0.02 * [1.0, -1.0, 0.5, -0.5][k % 4];
+            let lost = (12..14).contains(&k);
+            Position {
+                frame: k + 1,
+                time: t,
+                centre: (80.0 + fallen * sin, 40.0 + fallen * cos),
+                covariance: (k > 0).then_some([0.04, 0.0, 0.04]),
+                p_lost: if lost { 0.9 } else { 0.01 },
+                status: if lost { "lost" } else { "tracking" }.into(),
+                usable: !lost,
+            }
+        };
+        (0..30).map(at).collect()
+    }
+
+    fn settings() -> Settings {
+        let scale = Scale::of([(0.0, 0.0), (0.0, 400.0)], 4.0, 0.0);
+        let range = Some((0.1, 0.5));
+        Settings {
+            axes: Axes { scale, ..Axes::default() },
+            clock: None,
+            fits: vec![
+                FitRequest { curve: Curve::Parabola, axis: 1, range: None },
+                FitRequest { curve: Curve::Drag, axis: 0, range },
+            ],
+        }
+    }
+
+    #[test]
+    fn free_fall_gives_g_in_any_direction() {
+        for angle in [0.0, 30.0] {
+            let mut settings = settings();
+            settings.axes.angle = angle;
+            let measured = measure(&falling(angle), None, &settings).expect("a measurement");
+            let g = measured.fits[0].values.last().expect("g");
+            assert_eq!((g.name.as_str(), g.unit.as_str()), ("g", "m/s²"));
+            assert!((g.value - 9.81).abs() < 0.02 && g.interval[0] < 9.81 && 9.81 < g.interval[1], "{g:?}");
+            // Two points half a pixel off 400 px apart: 0.18 % of g at least.
+            assert!(g.error > 0.017 && g.error < 0.03, "{g:?}");
+            assert!((measured.rows[20].smoothed[1].value[2] + 9.81).abs() < 0.5);
+            assert!(measured.rows[12].measured.is_none());
+        }
+    }
+
+    #[test]
+    fn a_clock_scales_times_and_its_error_counts_twice_in_g() {
+        let clock = Some(Clock { rate: 100.0, error: 1.0 });
+        let measured = measure(&falling(0.0), None, &Settings { clock, ..settings() }).expect("a measurement");
+        let g = measured.fits[0].values.last().expect("g");
+        assert!((g.value - 4.0 * 9.81).abs() < 0.1, "twice the rate, four times g: {g:?}");
+        assert!((g.error / g.value - 0.02).abs() < 0.001, "{g:?}");
+    }
+
+    /// A camera that pans moves the target and the reference alike.
+    #[test]
+    fn a_reference_removes_the_motion_of_the_camera() {
+        let still = falling(0.0);
+        let pan = |k: usize| (3.0 * k as f64, 20.0 * (k as f64 / 5.0).sin());
+        let moved = |(k, p): (usize, &Position)| {
+            let by = pan(k);
+            Position { centre: (p.centre.0 + by.0, p.centre.1 + by.1), ..p.clone() }
+        };
+        let track: Vec<Position> = still.iter().enumerate().map(moved).collect();
+        let fixed = |p: &Position| Position { centre: (200.0, 50.0), usable: true, ..p.clone() };
+        let reference: Vec<Position> = still.iter().map(fixed).enumerate().map(|(k, p)| moved((k, &p))).collect();
+        let [plain, relative] = [measure(&still, None, &settings()), measure(&track, Some(&reference), &settings())]
+            .map(|measured| measured.expect("a measurement"));
+        for (a, b) in plain.rows.iter().zip(&relative.rows) {
+            assert!((a.smoothed[1].value[0] - b.smoothed[1].value[0]).abs() < 1e-3);
+        }
+        let g = relative.fits[0].values.last().expect("g");
+        assert!((g.value - 9.81).abs() < 0.02, "{g:?}");
+    }
+
+    #[test]
+    fn tables_have_units_and_a_cell_for_each_column() {
+        let measured = measure(&falling(0.0), None, &settings()).expect("a measurement");
+        let csv = measured.csv();
+        let columns: Vec<&str> = csv.lines().next().expect("a header").split(',').collect();
+        assert_eq!(
+            columns[..8],
+            ["frame", "t (s)", "x (m)", "y (m)", "vx (m/s)", "vy (m/s)", "ax (m/s^2)", "ay (m/s^2)"]
+        );
+        assert!(csv.lines().all(|line| line.split(',').count() == columns.len()) && csv.lines().count() == 31);
+        let json: serde_json::Value = serde_json::from_str(&measured.json()).expect("JSON");
+        assert_eq!(json["fits"][0]["values"][3]["name"], "g");
+        assert!(measured.text().iter().any(|line| line.contains("g = 9.8") && line.contains("m/s² (95 %: 9.7")));
+    }
+
+    #[test]
+    fn a_fit_that_fails_is_a_note() {
+        let fits = vec![FitRequest { curve: Curve::Sine, axis: 0, range: Some((0.1, 0.12)) }];
+        let measured = measure(&falling(0.0), None, &Settings { fits, ..settings() }).expect("a measurement");
+        assert!(
+            measured.fits.is_empty() && measured.notes[0].contains("No fit sine:x:0.1-0.12"),
+            "{:?}",
+            measured.notes
+        );
+        assert!(measure(&[], None, &settings()).expect_err("empty").to_string().contains("no frame"));
+    }
+}

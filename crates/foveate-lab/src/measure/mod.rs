@@ -1,0 +1,27 @@
+//! Motion in metres and seconds from a track, with errors: positions, velocities and accelerations over time, and fitted curves.
+//!
+//! | step | module |
+//! | --- | --- |
+//! | positions and covariances of a run, or of its track.csv | [`Position`], [`read`] |
+//! | pixels to metres, origin, axes, clock | [`Axes`], [`Scale`], [`Clock`] |
+//! | a fixed-interval smoother | [`smooth`] |
+//! | fits with parameter errors | [`fit`], [`Curve`] |
+//! | measure.csv, fits.json, measure.html | [`measure`], [`MeasureFiles`], [`write`] |
+
+mod fit;
+mod linear;
+mod measurement;
+mod models;
+mod observer;
+mod page;
+mod smooth;
+mod track;
+mod units;
+
+pub use fit::{Fitted, Point, fit, student};
+pub use measurement::{AXES, Fit, FitRequest, Measurement, Row, Settings, Value, measure};
+pub use models::{Curve, Parameter};
+pub use observer::{FILES, Lines, MeasureFiles, write};
+pub use smooth::{FAR, FEWEST, Sample, Smoothed, Smoothing, smooth};
+pub use track::{Position, read};
+pub use units::{Axes, Clock, Scale, unit, with_error};

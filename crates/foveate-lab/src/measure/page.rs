@@ -1,0 +1,144 @@
+//! measure.html: results, motion over time, residuals.
+
+use foveate_report::{card, document, drawing, escape};
+use kuva::plot::{LinePlot, ScatterPlot};
+use kuva::prelude::{Layout, Plot, SvgBackend};
+use kuva::render::render::render_multiple;
+
+use super::measurement::{AXES, Fit, Measurement};
+use super::units::unit;
+
+/// The colours of x and y, and of curves.
+const INKS: [&str; 2] = ["#0072B2", "#D55E00"];
+const CURVE: &str = "#000000";
+/// The size of a chart.
+const SIZE: (f64, f64) = (640.0, 360.0);
+/// Most points of a chart; longer tracks show every n-th frame.
+const MOST: usize = 2000;
+
+/// Returns the page of a measurement. `source` is the name of the video.
+pub(super) fn page(source: &str, measured: &Measurement) -> String {
+    let text = measured.text();
+    let results = match &measured.fits[..] {
+        [] => "<p>No fit. Add one with --fit, such as --fit parabola:y.</p>\n".to_owned(),
+        fits => fits.iter().map(table).collect(),
+    };
+    let notes: String = measured.notes.iter().map(|note| format!("<p>{}</p>\n", escape(note))).collect();
+    let quantities = ["Position", "Velocity", "Acceleration"];
+    let motion: String = (0..3)
+        .flat_map(|i| (0..2).map(move |axis| (i, axis)))
+        .map(|(i, axis)| {
+            let name = format!("{} {}", quantities[i], AXES[axis]);
+            scrolled(&motion(measured, i, axis, &name), &format!("{name} over time with its 95 % band"))
+        })
+        .collect();
+    let fits: String = measured.fits.iter().map(charts).collect();
+    let [scale, clock] = measured.relative.map(|error| 100.0 * error);
+    let method = format!(
+        "<p>Positions, velocities and accelerations come from all frames (Rauch-Tung-Striebel smoother, white jerk). Bands are 95 %. \
+         Errors of the tracked positions are {:.2} (x) and {:.2} (y) times the reported ones, with a correlation of {} and {} from frame to \
+         frame. The scale has an error of {scale:.2} %, the clock of {clock:.2} %: both are in the errors of the fits, not in the bands.</p>\n",
+        measured.smoothing[0].noise,
+        measured.smoothing[1].noise,
+        measured.smoothing[0].correlation,
+        measured.smoothing[1].correlation,
+    );
+    let body = [card("Results", &(results + &notes)), fits, card("Motion", &motion), card("Method", &method)];
+    document(&format!("Measurement of {source}"), &escape(&text[0]), "", &body.concat())
+}
+
+fn scrolled(svg: &str, label: &str) -> String {
+    format!("<div class=\"scroll\">{}</div>\n", drawing(svg, label))
+}
+
+fn table(fit: &Fit) -> String {
+    let row = |value: &super::measurement::Value| {
+        let text = value.text();
+        let (name, rest) = text.split_once(" = ").expect("a value has a name");
+        format!("<tr><td class=\"words\">{}</td><td class=\"words\">{}</td></tr>\n", escape(name), escape(rest))
+    };
+    let rows: String = fit.values.iter().map(row).collect();
+    let head = format!("{}: {}", fit.fit, fit.formula);
+    let from = format!("t from {:.4} s, {} points", fit.t0, fit.points);
+    format!(
+        "<div class=\"scroll\"><table>\n<tr><th>{}</th><th>{}</th></tr>\n{rows}</table></div>\n",
+        escape(&head),
+        escape(&from)
+    )
+}
+
+/// Draws one quantity of one coordinate over time with its 95 % band, and the tracked positions.
+fn motion(measured: &Measurement, i: usize, axis: usize, name: &str) -> String {
+    let every = measured.rows.len().div_ceil(MOST);
+    let rows = || measured.rows.iter().step_by(every);
+    let of = |k: f64| rows().map(move |row| row.smoothed[axis].value[i] + k * 1.96 * row.smoothed[axis].sd[i]);
+    let line = LinePlot::new()
+        .with_data(rows().map(|row| (row.time, row.smoothed[axis].value[i])))
+        .with_color(INKS[axis])
+        .with_stroke_width(1.5)
+        .with_band(of(-1.0).collect::<Vec<_>>(), of(1.0).collect::<Vec<_>>());
+    let mut plots: Vec<Plot> = vec![line.into()];
+    if i == 0 {
+        let tracked: Vec<_> = rows().filter_map(|row| Some((row.time, row.measured?[axis]))).collect();
+        plots.push(ScatterPlot::new().with_data(tracked).with_color(CURVE).with_size(1.5).into());
+    }
+    let symbol = format!("{}{} ({})", ["", "v", "a"][i], AXES[axis], unit(measured.unit, (1, -(i as i32))));
+    chart(plots, name, &symbol)
+}
+
+/// Draws a fit over its points, and the residuals.
+fn charts(fit: &Fit) -> String {
+    let (axis, every) = (fit.curve.0, fit.data.len().div_ceil(MOST));
+    let points = || fit.data.iter().step_by(every);
+    let scatter = |data: Vec<(f64, f64)>| -> Plot {
+        ScatterPlot::new().with_data(data).with_color(INKS[axis]).with_size(2.0).into()
+    };
+    let ends = fit.data.first().map_or(0.0, |p| p.0)..fit.data.last().map_or(0.0, |p| p.0);
+    let times = (0..=300).map(|k| ends.start + (ends.end - ends.start) * f64::from(k) / 300.0);
+    let curve: Vec<(f64, f64)> = times.map(|t| (t, fit.at(t))).collect();
+    let curve: Plot = LinePlot::new().with_data(curve).with_color(CURVE).with_stroke_width(1.5).into();
+    let zero: Plot = LinePlot::new()
+        .with_data(vec![(ends.start, 0.0), (ends.end, 0.0)])
+        .with_color(CURVE)
+        .with_stroke_width(1.0)
+        .into();
+    let label = format!("{} ({})", AXES[axis], fit.unit);
+    let data = chart(vec![curve, scatter(points().map(|p| (p.0, p.1)).collect())], &fit.fit, &label);
+    let rest = format!("residual ({})", fit.unit);
+    let residuals = chart(vec![zero, scatter(points().map(|p| (p.0, p.2)).collect())], "Residuals", &rest);
+    let drawn = scrolled(&data, "Data and fitted curve") + &scrolled(&residuals, "Residuals: data minus curve");
+    card(&format!("Fit {}", fit.fit), &drawn)
+}
+
+fn chart(plots: Vec<Plot>, title: &str, y_label: &str) -> String {
+    let layout = Layout::auto_from_plots(&plots)
+        .with_title(title)
+        .with_x_label("t (s)")
+        .with_y_label(y_label)
+        .with_width(SIZE.0)
+        .with_height(SIZE.1);
+    SvgBackend::default().render_scene(&render_multiple(plots, layout))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::measurement::{FitRequest, Settings, measure, tests::falling};
+    use super::super::models::Curve;
+    use super::*;
+
+    #[test]
+    fn a_page_has_results_and_charts() {
+        let fits = vec![FitRequest { curve: Curve::Parabola, axis: 1, range: None }];
+        let measured = measure(&falling(0.0), None, &Settings { fits, ..Settings::default() }).expect("a measurement");
+        let page = page("a<b.mp4", &measured);
+        assert_eq!(
+            page.matches("class=\"drawing\"").count(),
+            8,
+            "three quantities of two coordinates, data, residuals"
+        );
+        for part in ["Measurement of a&lt;b.mp4", "px/s²", "Residuals", "t (s)", "prefers-color-scheme: dark"] {
+            assert!(page.contains(part), "{part}");
+        }
+        assert!(!page.contains("a<b") && !page.contains("NaN"));
+    }
+}

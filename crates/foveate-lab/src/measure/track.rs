@@ -1,0 +1,104 @@
+//! The positions of a target, from a run or from its track.csv.
+
+use std::path::Path;
+
+use foveate_base::{Error, Result, files};
+use foveate_core::Seen;
+use foveate_video::Frame;
+
+/// One frame of a track.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Position {
+    /// From 1.
+    pub frame: usize,
+    /// In the source, seconds.
+    pub time: f64,
+    /// Centre, pixels from 0.
+    pub centre: (f64, f64),
+    /// Covariance of the centre (xx, xy, yy), px²; `None` if the box was given.
+    pub covariance: Option<[f64; 3]>,
+    /// Probability that the target is lost, 0 to 1.
+    pub p_lost: f64,
+    /// Track status.
+    pub status: String,
+    /// Whether the position is a result.
+    pub usable: bool,
+}
+
+impl Position {
+    /// Returns the position of a target in a frame.
+    pub fn of(frame: &Frame, seen: &Seen<'_>) -> Self {
+        let c = &seen.covariance;
+        let given = seen.is_given();
+        Self {
+            frame: frame.index + 1,
+            time: frame.time,
+            centre: (seen.state.x, seen.state.y),
+            covariance: (!given).then(|| [c[0][0], c[0][1], c[1][1]]),
+            p_lost: seen.p_lost,
+            status: if given { "given" } else { seen.status.name() }.to_owned(),
+            usable: seen.is_usable(),
+        }
+    }
+}
+
+/// Reads the track.csv of a run.
+///
+/// # Errors
+/// The file cannot be read, a column is missing, or a cell is not a number.
+pub fn read(path: &Path) -> Result<Vec<Position>> {
+    const NAMES: [&str; 10] =
+        ["frame", "time", "x", "y", "cov_x_x", "cov_x_y", "cov_y_y", "p_lost", "status", "usable"];
+    let text = files::read_text(path, files::TEXT)?;
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let column = |name: &&str| {
+        let found = header.iter().position(|head| head == name);
+        found.ok_or_else(|| Error::malformed(path, format!("it has no column {name}; give the track.csv of a run")))
+    };
+    // These columns precede the class, the only text that may contain a comma.
+    let columns = NAMES.iter().map(column).collect::<Result<Vec<_>>>()?;
+    let mut track: Vec<Position> = vec![];
+    for (k, line) in lines.enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        let cell = |i: usize| cells.get(columns[i]).copied().unwrap_or_default();
+        let number = |i: usize| {
+            let value = cell(i).parse::<f64>().ok().filter(|value| value.is_finite());
+            let problem = || format!("line {}: {} is \"{}\"; expected a number", k + 2, NAMES[i], cell(i));
+            value.ok_or_else(|| Error::malformed(path, problem()))
+        };
+        let given = cell(4).is_empty();
+        track.push(Position {
+            frame: number(0)? as usize,
+            time: number(1)?,
+            centre: (number(2)?, number(3)?),
+            covariance: if given { None } else { Some([number(4)?, number(5)?, number(6)?]) },
+            p_lost: if given { 0.0 } else { number(7)? },
+            status: if given { "given" } else { cell(8) }.to_owned(),
+            usable: given || cell(9) == "1",
+        });
+    }
+    Ok(track)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_core::geometry::BBox;
+    use foveate_core::scene::Image;
+    use foveate_report::{Observer, Table};
+
+    #[test]
+    fn a_table_reads_back_as_the_run() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("track.csv");
+        let mut table = Table::create(&path).expect("writable");
+        let given = Seen::given([40, 30, 1], &BBox::new(4.0, 6.0, 10.0, 12.0));
+        let frame = Frame { index: 2, time: 0.1, image: Image::grey(40, 30, 0) };
+        table.observe(&frame, &[given]).expect("written");
+        table.finish().expect("written");
+        assert_eq!(read(&path).expect("a track"), [Position::of(&frame, &given)]);
+        std::fs::write(&path, "frame,time\n1,0\n").expect("written");
+        assert!(read(&path).expect_err("columns").to_string().contains("no column x"));
+    }
+}
