@@ -7,10 +7,10 @@ Usage:
   bench/measure.py --foveate target/release/foveate --films 200 --out measure-films
 
 A film has a textured ball of 16 to 28 px before a textured wall, noise of 2 to 12 grey levels, an exposure of 0 to 0.9 of
-a frame (motion blur) and 30 to 240 frames/s. The ruler's ends are clicked with an error of 0.5 px in each coordinate. All
-trackers get the exact box in frame 1. Template matching (normalised correlation, search of 40 px, parabola through the
-peak) and CSRT go through the same smoother and fits, by `foveate measure --track`. A pendulum swings by 8 degrees over 2.5
-periods; g follows from its period, its true length and its amplitude.
+a frame (motion blur) and 30 to 240 frames/s. The ends of a ruler of 240 px are clicked with an error of 0.5 px in each
+coordinate. All trackers get the exact box in frame 1. Template matching (normalised correlation, search of 40 px, parabola
+through the peak) and CSRT go through the same smoother and fits, by `foveate measure --track`. A ball falls by 1.2 m. A
+pendulum swings by 8 degrees over 2.5 periods; g follows from its period, its true length and its amplitude.
 
 Output: a table by scene and tracker; OUT/films.csv, one line per film and tracker. g: error of g in per cent; inside: the
 95 % interval holds the true g; error: root mean square error of the tracked and of the smoothed position, pixels; band:
@@ -85,8 +85,8 @@ class Film:
         self.truth = np.array(self.truth)
         side = math.ceil(2 * radius)
         self.box = [*(self.truth[0] - (side - 1) / 2), side, side]
-        ends = np.array([[20.0, 20.0], [20.0, 20.0 + 0.4 * min(self.pixels, 600)]])
-        self.ruler = (ends + rng.normal(0, 0.5, ends.shape), 0.4 * min(self.pixels, 600) / self.pixels)
+        ends = np.array([[20.0, 20.0], [20.0, 260.0]])
+        self.ruler = (ends + rng.normal(0, 0.5, ends.shape), 240.0 / self.pixels)
 
     def options(self):
         (a, b), length = self.ruler
