@@ -48,8 +48,8 @@ enum Call {
 
 #[derive(Debug)]
 enum Kind {
-    One(Tracker),
-    Many(MultiTracker),
+    One(Box<Tracker>),
+    Many(Box<MultiTracker>),
 }
 
 /// A tracker of one target or of many, called by messages.
@@ -74,8 +74,8 @@ impl Package {
             let blueprint = Config::named_or_parsed(&config)?.check(&Nowhere)?;
             let seed = seed.unwrap_or(blueprint.config().seed);
             self.kind = Some(match many {
-                true => Kind::Many(blueprint.multi_tracker(seed)?),
-                false => Kind::One(blueprint.tracker(seed)?),
+                true => Kind::Many(Box::new(blueprint.multi_tracker(seed)?)),
+                false => Kind::One(Box::new(blueprint.tracker(seed)?)),
             });
             return Ok(json!({}));
         }
