@@ -254,7 +254,7 @@ mod tests {
     /// The covariance of a line with independent errors has a closed form.
     #[test]
     fn the_covariance_of_a_line() {
-        let error = |k: usize| if k % 2 == 0 { 0.01 } else { -0.01 };
+        let error = |k: usize| if k.is_multiple_of(2) { 0.01 } else { -0.01 };
         let points: Vec<Point> = (0..40).map(|k| (k as f64, 2.0 * k as f64 + error(k), 4.0)).collect();
         let fitted = fit(Curve::Line, &points).expect("a fit");
         assert_eq!(fitted.correlation, 0.0);

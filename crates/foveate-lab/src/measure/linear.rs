@@ -33,11 +33,11 @@ pub(super) fn invert(a: &[Vec<f64>]) -> Option<Inverse> {
                 l[i][j] = rest / l[j][j];
             }
         }
-        for j in 0..=i {
+        let entry = |j: usize| {
             let unit = f64::from(u8::from(i == j));
-            let sum: f64 = (j..i).map(|k| l[i][k] * w[k][j]).sum();
-            w[i][j] = (unit - sum) / l[i][i];
-        }
+            (unit - (j..i).map(|k| l[i][k] * w[k][j]).sum::<f64>()) / l[i][i]
+        };
+        w[i] = (0..n).map(|j| if j > i { 0.0 } else { entry(j) }).collect();
     }
     let entry = |i: usize, j: usize| (i.max(j)..n).map(|k| w[k][i] * w[k][j]).sum::<f64>() / (scale[i] * scale[j]);
     let matrix = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();

@@ -100,7 +100,7 @@ impl Curve {
                 let rows: Vec<Vec<f64>> = t.iter().map(|t| self.basis(*t, period, tau)).collect();
                 let Some((coefficients, error)) = least_squares(&rows, y, weights) else { continue };
                 if best.as_ref().is_none_or(|(least, _)| error < *least) {
-                    best = Some((error, self.from_basis(&coefficients, period, tau)));
+                    best = Some((error, self.parameters_of(&coefficients, period, tau)));
                 }
             }
         }
@@ -120,7 +120,7 @@ impl Curve {
         }
     }
 
-    fn from_basis(self, c: &[f64], period: f64, tau: f64) -> Vec<f64> {
+    fn parameters_of(self, c: &[f64], period: f64, tau: f64) -> Vec<f64> {
         match self {
             Self::Line | Self::Parabola => c.to_vec(),
             Self::Sine => vec![c[0], c[1].hypot(c[2]), c[2].atan2(c[1]), period],

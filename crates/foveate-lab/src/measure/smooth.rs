@@ -409,27 +409,29 @@ mod tests {
             let mut p: Square = [[0.0; 4]; 4];
             (0..3).for_each(|i| p[i][i] = model.prior);
             p[3][3] = 1.0;
-            let mut joint = vec![vec![[[0.0; 4]; 4]; n]; n];
-            for j in 0..n {
-                let dt = data.steps[j].interval;
+            let mut joint = std::collections::BTreeMap::new();
+            for (j, step) in data.steps.iter().enumerate() {
                 if j > 0 {
-                    p = sandwich(&transition(dt, model), &p);
-                    add_noise(&mut p, dt, model);
+                    p = sandwich(&transition(step.interval, model), &p);
+                    add_noise(&mut p, step.interval, model);
                 }
                 let mut across = p;
-                for i in j..n {
+                for (i, later) in data.steps.iter().enumerate().skip(j) {
                     if i > j {
-                        let f = transition(data.steps[i].interval, model);
+                        let f = transition(later.interval, model);
                         across = std::array::from_fn(|a| std::array::from_fn(|b| dot(&f[a], &transposed(&across)[b])));
                     }
-                    joint[i][j] = across;
-                    joint[j][i] = transposed(&across);
+                    joint.insert((j, i), transposed(&across));
+                    joint.insert((i, j), across);
                 }
             }
             let known: Vec<usize> = (0..n).filter(|k| data.steps[*k].measured.is_some()).collect();
             let (y, c): (Vec<f64>, Vec<f64>) = known.iter().filter_map(|k| data.steps[*k].measured).unzip();
             // Cov(x component a of frame i, measurement m), and between measurements.
-            let with = |i: usize, a: usize, m: usize| joint[i][known[m]][a][0] + c[m] * joint[i][known[m]][a][3];
+            let with = |i: usize, a: usize, m: usize| {
+                let row = joint[&(i, known[m])][a];
+                row[0] + c[m] * row[3]
+            };
             let between = |m: usize, o: usize| {
                 let own = if m == o { extra[known[m]] } else { 0.0 };
                 with(known[m], 0, o) + c[m] * with(known[m], 3, o) + own
@@ -437,13 +439,12 @@ mod tests {
             let all: Matrix = (0..y.len()).map(|m| (0..y.len()).map(|o| between(m, o)).collect()).collect();
             let inverse = invert(&all).expect("positive definite");
             let weights = times(&inverse.matrix, &y);
-            for i in 0..n {
-                for a in 0..3 {
+            for (i, (values, variances)) in smoothed.states.iter().enumerate() {
+                for (a, (value, var)) in values.iter().zip(variances).take(3).enumerate() {
                     let row: Vec<f64> = (0..y.len()).map(|m| with(i, a, m)).collect();
                     let mean: f64 = row.iter().zip(&weights).map(|(r, w)| r * w).sum();
-                    let variance = joint[i][i][a][a]
+                    let variance = joint[&(i, i)][a][a]
                         - row.iter().zip(times(&inverse.matrix, &row)).map(|(r, w)| r * w).sum::<f64>();
-                    let (value, var) = (smoothed.states[i].0[a], smoothed.states[i].1[a]);
                     assert!((value - mean).abs() < 1e-7, "frame {i}, {a}: {value}, {mean}");
                     assert!((var - variance).abs() < 1e-7 * variance, "frame {i}, {a}: {var}, {variance}");
                 }
