@@ -13,8 +13,9 @@ through the peak) and CSRT go through the same smoother and fits, by `foveate me
 pendulum swings by 8 degrees over 2.5 periods; g follows from its period, its true length and its amplitude.
 
 Output: a table by scene and tracker; OUT/films.csv, one line per film and tracker. g: error of g in per cent; inside: the
-95 % interval holds the true g; error: root mean square error of the tracked and of the smoothed position, pixels; band:
-share of frames in which the 95 % band of the smoothed position holds the true one.
+95 % interval holds the true g; offset: the mean error of a film's positions, which changes no velocity, pixels; tracked and
+smoothed: root mean square error of the position without it; band: share of frames in which the 95 % band of the smoothed
+position holds the true one, without it.
 """
 import argparse
 import csv
@@ -154,7 +155,8 @@ def measure(film, program, tracker, folder):
     line = {"scene": film.scene, "tracker": tracker, "rate": film.rate, "noise": film.noise, "exposure": film.exposure}
     if done.returncode:
         print(done.stderr, file=sys.stderr)
-        return {**line, "g": math.nan, "inside": 0, "tracked": math.nan, "smoothed": math.nan, "band": math.nan}
+        return {**line, "g": math.nan, "inside": 0, "offset": math.nan, "tracked": math.nan,
+                "smoothed": math.nan, "band": math.nan}
     with open(os.path.join(out, "fits.json")) as file:
         fits = json.load(file)["fits"]
     values = {value["name"]: value for value in fits[0]["values"]} if fits else {}
@@ -168,18 +170,20 @@ def measure(film, program, tracker, folder):
     with open(os.path.join(out, "measure.csv")) as file:
         rows = list(csv.DictReader(file))
     metres = film.ruler[1] / math.dist(*film.ruler[0])
-    tracked, smoothed, inside = [], [], []
+    tracked, smoothed, errors = [], [], []
     for row in rows:
         truth = film.truth[int(row["frame"]) - 1] * [1, -1]
         for i, axis in enumerate("xy"):
             off = float(row[f"{axis} (m)"]) / metres - truth[i]
             smoothed.append(off)
-            inside.append(abs(off) < 1.96 * float(row[f"sd_{axis} (m)"]) / metres)
+            errors.append(float(row[f"sd_{axis} (m)"]) / metres)
             if row[f"tracked_{axis} (m)"]:
                 tracked.append(float(row[f"tracked_{axis} (m)"]) / metres - truth[i])
     rms = lambda errors: float(np.sqrt(np.mean(np.square(errors))))
-    return {**line, "g": 100 * (g / G - 1), "inside": int(interval[0] <= G <= interval[1]), "tracked": rms(tracked),
-            "smoothed": rms(smoothed), "band": float(np.mean(inside))}
+    tracked, smoothed, errors = (np.reshape(values, (-1, 2)) for values in (tracked, smoothed, errors))
+    offset, motion = smoothed.mean(0), smoothed - smoothed.mean(0)
+    return {**line, "g": 100 * (g / G - 1), "inside": int(interval[0] <= G <= interval[1]), "offset": rms(offset),
+            "tracked": rms(tracked - tracked.mean(0)), "smoothed": rms(motion), "band": float(np.mean(abs(motion) < 1.96 * errors))}
 
 
 def main():
@@ -199,7 +203,7 @@ def main():
         table = csv.DictWriter(file, list(lines[0]))
         table.writeheader()
         table.writerows(lines)
-    print("scene     tracker    films  |g| median  |g| <= 1 %  inside  tracked, px  smoothed, px  band")
+    print("scene     tracker    films  |g| median  |g| <= 1 %  inside  offset, px  tracked, px  smoothed, px  band")
     for scene in ("fall", "pendulum"):
         for tracker in args.trackers:
             some = [line for line in lines if (line["scene"], line["tracker"]) == (scene, tracker)]
@@ -208,7 +212,7 @@ def main():
             of = lambda name: np.array([line[name] for line in some])
             print(f"{scene:9} {tracker:9} {len(some):6} {np.nanmedian(abs(of('g'))):9.2f} %"
                   f" {100 * np.mean(abs(of('g')) <= 1):9.0f} % {100 * np.mean(of('inside')):5.0f} %"
-                  f" {np.nanmedian(of('tracked')):12.3f} {np.nanmedian(of('smoothed')):13.3f} {np.nanmean(of('band')):5.2f}")
+                  f" {np.nanmedian(of('offset')):10.3f} {np.nanmedian(of('tracked')):12.3f} {np.nanmedian(of('smoothed')):13.3f} {np.nanmean(of('band')):5.2f}")
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ pub struct Tracker {
     /// Width, height and planes of the pictures.
     shape: Option<[usize; 3]>,
     /// The result of the last picture; `None` before the first one and after [`Tracker::load`].
-    last: Option<Seen<'static>>,
+    last: Box<Option<Seen<'static>>>,
 }
 
 impl std::fmt::Debug for Tracker {
@@ -67,7 +67,7 @@ impl Tracker {
     /// Creates a tracker of these parts, or of several that vote.
     fn of(origin: Origin, parts: Vec<Parts>, preprocessor: Preprocessor) -> Self {
         let ensemble = Ensemble::new(parts, origin.seed, origin.target);
-        Self { origin, ensemble, preprocessor, sensor: None, shape: None, last: None }
+        Self { origin, ensemble, preprocessor, sensor: None, shape: None, last: Box::default() }
     }
 
     /// Sets the sensor that reads pictures.
@@ -96,7 +96,7 @@ impl Tracker {
         self.preprocessor.look(image);
         self.shape = Some(picture.shape());
         self.ensemble.init(image, bbox)?;
-        self.last = Some(Seen::given(picture.shape(), &bbox));
+        *self.last = Some(Seen::given(picture.shape(), &bbox));
         Ok(())
     }
 
@@ -116,7 +116,7 @@ impl Tracker {
         look(&mut self.preprocessor, &mut self.ensemble, sensor.seen());
         let detections = self.preprocessor.detections();
         let seen = self.ensemble.step(World::Sensor { sensor, source: picture, detections })?;
-        self.last = Some(seen.without_views());
+        *self.last = Some(seen.without_views());
         Ok(seen)
     }
 
@@ -150,7 +150,7 @@ impl Tracker {
         // Camera motion and detectors read whole pictures.
         let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { seen.values };
         let seen = Seen { values, ..seen };
-        self.last = Some(seen.without_views());
+        *self.last = Some(seen.without_views());
         Ok(seen)
     }
 
@@ -164,7 +164,7 @@ impl Tracker {
     pub fn predict(&self, dt: f64) -> Result<Seen<'static>> {
         const MOST: f64 = 1e6;
         let invalid = |problem: &str| Error::Invalid(format!("predict: {problem}"));
-        let last = self.last.ok_or_else(|| invalid("there is no result yet; call init or update first"))?;
+        let last = (*self.last).ok_or_else(|| invalid("there is no result yet; call init or update first"))?;
         if !(0.0..=MOST).contains(&dt) {
             return Err(invalid(&format!("the time is {dt}; expected frames from 0 to {MOST}")));
         }
@@ -231,7 +231,7 @@ impl Tracker {
         self.ensemble.reset_at(&bbox);
         let state = self.ensemble.first().state_at(&bbox);
         let place = |last: Seen<'static>| Seen { extent: last.extent, state, ..Seen::given(last.shape, &bbox) };
-        self.last = self.last.map(place);
+        *self.last = self.last.map(place);
         Ok(())
     }
 
@@ -271,7 +271,7 @@ impl Tracker {
     /// names the settings that differ. The contents of model files are not compared.
     pub fn load(&mut self, saved: &SavedState) -> Result<()> {
         saved.check_origin(&self.origin)?;
-        self.last = None;
+        *self.last = None;
         self.ensemble.load(&saved.part("ensemble"))?;
         self.shape = saved.part_read("shape")?;
         match self.shape.is_some() == self.has_target() {

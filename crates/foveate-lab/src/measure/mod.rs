@@ -6,7 +6,7 @@
 //! | pixels to metres, origin, axes, clock | [`Axes`], [`Scale`], [`Clock`] |
 //! | a fixed-interval smoother | [`smooth`] |
 //! | fits with parameter errors | [`fit`], [`Curve`] |
-//! | measure.csv, fits.json, measure.html | [`measure`], [`MeasureFiles`], [`write`] |
+//! | measure.csv, fits.json, measure.html | [`measure`], [`MeasureFiles`], [`write()`] |
 
 mod fit;
 mod linear;
