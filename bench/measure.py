@@ -15,7 +15,7 @@ pendulum swings by 8 degrees over 2.5 periods; g follows from its period, its tr
 Output: a table by scene and tracker; OUT/films.csv, one line per film and tracker. g: error of g in per cent; inside: the
 95 % interval holds the true g; offset: the mean error of a film's positions, which changes no velocity, pixels; tracked and
 smoothed: root mean square error of the position without it; band: share of frames in which the 95 % band of the smoothed
-position holds the true one, without it.
+position holds the true one.
 """
 import argparse
 import csv
@@ -183,7 +183,7 @@ def measure(film, program, tracker, folder):
     tracked, smoothed, errors = (np.reshape(values, (-1, 2)) for values in (tracked, smoothed, errors))
     offset, motion = smoothed.mean(0), smoothed - smoothed.mean(0)
     return {**line, "g": 100 * (g / G - 1), "inside": int(interval[0] <= G <= interval[1]), "offset": rms(offset),
-            "tracked": rms(tracked - tracked.mean(0)), "smoothed": rms(motion), "band": float(np.mean(abs(motion) < 1.96 * errors))}
+            "tracked": rms(tracked - tracked.mean(0)), "smoothed": rms(motion), "band": float(np.mean(abs(smoothed) < 1.96 * errors))}
 
 
 def main():
