@@ -17,6 +17,7 @@ Input: DATA/tracking and DATA/tracking-wide (OTB layout), and DATA/mot (MOTChall
   shaken     (with --redrawn) each through a window that shakes: 2 % of the shorter side, at most 8 %
   covered    (with --redrawn) each with half of the target hidden for 25 of every 75 frames, from one side after the other, by another
              part of the picture
+  thrown     (with --redrawn) not from DATA: drawn balls, at rest and then thrown. Nobody drew their boxes by hand: the truth is exact
   walkers    every target of DATA/mot, one sequence each, from the first frame on in which nobody else's box overlaps a quarter of it, nor
              in the four frames after: a first box that shows somebody else names nobody. Forty frames or more of its longest run
 """
@@ -149,6 +150,42 @@ def jpeg(stem, image):
     cv2.imwrite(stem + ".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 95])
 
 
+def write_thrown(folder, seed):
+    import cv2
+    import numpy
+    random, (height, width) = numpy.random.default_rng(seed), (360, 480)
+    radius, colour, gravity = random.uniform(8, 20), random.uniform(20, 230, 3), [0.02, 0.07, 0.3, 1.1][seed // 2 % 4]
+    wall = random.uniform(60, 220, 3) + 5 * cv2.GaussianBlur(random.normal(0, 25, (height, width, 3)), (0, 0), 25)
+
+    def at(t):
+        """The middle after t frames of flight, pixels; the middle of the first pixel is 0."""
+        return start + speed * max(t, 0) + [0, 0.5 * gravity * max(t, 0) ** 2]
+
+    def draw(image, x, y):
+        top, left = (max(int(v - radius) - 2, 0) for v in (y, x))
+        part = image[top:top + int(2 * radius) + 5, left:left + int(2 * radius) + 5]
+        down, across = numpy.mgrid[:part.shape[0], :part.shape[1]]
+        down, across = down + top - y, across + left - x
+        light = 60 * (numpy.hypot(across + 0.4 * radius, down + 0.4 * radius) < 0.4 * radius)
+        alpha = (radius - numpy.hypot(across, down) + 0.5).clip(0, 1)[..., None] / 4
+        part += alpha * (colour + light[..., None] - wall[top:top + len(part), left:left + part.shape[1]])
+    flies = seed % 2
+    start = numpy.array([random.uniform(60, 420), random.uniform(40, 80)]) if not flies else numpy.array([60.0, 300.0])
+    speed = numpy.array([20.0, -22.0]) * gravity ** 0.5 * flies
+    middles = [at(t) for t in range(-15, 60)]
+    out = [not (radius < x < width - radius and radius < y < height - radius) for x, y in middles]
+    middles = middles[:out.index(True) if any(out) else None]
+
+    def make(index, stem):
+        image = wall + random.normal(0, 2.5, wall.shape)
+        for shift in (-0.09, -0.03, 0.03, 0.09):
+            draw(image, *at(index - 15 + shift))
+        jpeg(stem, image.clip(0, 255).astype("uint8"))
+    # From the left edge of the first pixel, which counts as 1.
+    boxes = [text((round(x - radius + 1.5, 3), round(y - radius + 1.5, 3), 2 * radius, 2 * radius)) for x, y in middles]
+    write(folder, range(len(boxes)), boxes, make)
+
+
 REDRAWN = {"larger": write_larger, "noisy": write_noisy, "sloppy": write_sloppy, "grey": write_grey, "shaken": write_shaken, "covered": write_covered}
 
 
@@ -199,6 +236,8 @@ def main():
         for quarters in (1, 2):
             start = n * quarters // 4
             write(f"{args.out}/later/{name}-from-{start + 1}", pictures[start:n], boxes[start:n])
+    for seed in range(64) if args.redrawn else ():
+        write_thrown(f"{args.out}/thrown/thrown-{seed:02}", seed)
     for truth in sorted(glob.glob(f"{args.data}/mot/*/gt/gt.txt")):
         folder = os.path.dirname(os.path.dirname(truth))
         pictures = sorted(glob.glob(f"{folder}/img1/*"))

@@ -1,7 +1,7 @@
 //! The estimate of the target in one picture, kept for Python.
 
 use foveate::geometry::{Covariance, State};
-use foveate::seen::Region;
+use foveate::seen::{Region, credible};
 use foveate::{BBox, Status};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn};
@@ -12,8 +12,8 @@ use pyo3::types::{PyDict, PyTuple};
 use crate::errors::input;
 use crate::named;
 
-/// Probability of the ellipse of one standard deviation. All credible regions of a normal belief are scaled versions of it.
-const ONE_SD: f64 = 0.393_469_340_287_366_6; // 1 − e^(−1/2)
+/// Share of the kept region. All credible regions are scaled versions of it.
+const KEPT: f64 = 0.9;
 
 /// A copy of a [`foveate::Seen`], without the data for observers of the algorithm.
 pub struct Seen {
@@ -22,7 +22,7 @@ pub struct Seen {
     p_lost: f64,
     state: State,
     covariance: Covariance,
-    one_sd: Region,
+    kept: Region,
     ess: f64,
     log_evidence: f64,
     gaze: (f64, f64),
@@ -48,7 +48,7 @@ impl Seen {
             p_lost: seen.p_lost,
             state: seen.state,
             covariance: seen.covariance,
-            one_sd: seen.region(ONE_SD),
+            kept: seen.region(KEPT),
             ess: seen.ess,
             log_evidence: seen.log_evidence,
             gaze: (seen.gaze.u, seen.gaze.v),
@@ -119,7 +119,7 @@ pub(crate) fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Es
     let [x, y, w, h, p_lost, ess, log_evidence, u, v, cx, cy, major, minor, turn, rest @ ..] = numbers;
     let covariance = std::array::from_fn(|i| std::array::from_fn(|j| rest[State::N * (i + 1) + j]));
     let state = State::from_array(std::array::from_fn(|i| rest[i]));
-    let one_sd = Region { x: cx, y: cy, half: [major, minor], turn };
+    let kept = Region { x: cx, y: cy, half: [major, minor], turn };
     if gazes.len() % 2 > 0 || particles.len() != State::N * weights.len() {
         return Err(input(py, "this is no pickle of a result"));
     }
@@ -130,7 +130,7 @@ pub(crate) fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Es
         p_lost,
         state,
         covariance,
-        one_sd,
+        kept,
         ess,
         log_evidence,
         gaze,
@@ -246,14 +246,13 @@ impl Estimate {
         if !(0.0..1.0).contains(&p) {
             return Err(input(py, format!("a region holds a share of the probability, 0 to below 1; it is {p}")));
         }
-        let size = (-2.0 * (1.0 - p).ln()).sqrt();
-        let one = self.seen.one_sd;
-        named::region(py, &Region { half: one.half.map(|half| size * half), ..one })
+        let (kept, size) = (self.seen.kept, (credible(p) / credible(KEPT)).sqrt());
+        named::region(py, &Region { half: kept.half.map(|half| size * half), ..kept })
     }
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let Seen { bbox: b, status, p_lost, state, covariance, one_sd, ess, log_evidence, gaze, classes, .. } =
+        let Seen { bbox: b, status, p_lost, state, covariance, kept, ess, log_evidence, gaze, classes, .. } =
             &self.seen;
-        let Region { x, y, half, turn } = one_sd;
+        let Region { x, y, half, turn } = kept;
         let first = [b.x, b.y, b.w, b.h, *p_lost, *ess, *log_evidence, gaze.0, gaze.1, *x, *y, half[0], half[1], *turn];
         let numbers = first.into_iter().chain(state.to_array()).chain(covariance.as_flattened().iter().copied());
         let arrays = (self.gazes(py), self.rewards(py), self.particles(py), self.weights(py));

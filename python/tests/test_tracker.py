@@ -80,7 +80,8 @@ def test_regions_grow_with_their_share(pictures: Any) -> None:
     seen = tracker.update(pictures[1])
     half, most = seen.region(0.5), seen.region(0.99)
     assert half.x == seen.state.x and half.major >= half.minor > 0
-    np.testing.assert_allclose(most.major / half.major, np.sqrt(np.log(0.01) / np.log(0.5)))
+    of = [share ** (-2 / 2.5) - 1 for share in (0.01, 0.5)]  # of a Student distribution, with 2.5 degrees of freedom
+    np.testing.assert_allclose(most.major / half.major, np.sqrt(of[0] / of[1]))
     assert seen.region() == seen.region(0.9)
     for wrong in (-0.1, 1.0, float("nan")):
         with pytest.raises(foveate.InputError, match="0 to below 1"):

@@ -275,12 +275,15 @@ impl Engine {
         let recognized = parts.extras.recognition.as_ref().map_or(Recognized::default(), Recognition::recognized);
         let extent = self.target().extent;
         let TrackConfidence { p_lost, own, status, cues } = confidence;
+        let (model, place) = (parts.monitor.model(), parts.extras.evidence(&estimate, extent));
+        let mut covariance = estimate.covariance;
+        model.localisation.apply(model.localisation_noise, &place, &mut covariance);
         Seen {
             phase: Phase::of(status),
             status,
             p_lost,
             state: estimate.mean,
-            covariance: estimate.covariance,
+            covariance,
             extent,
             gaze: last.plan.chosen(),
             visible: self.visibility.fraction(),
@@ -290,7 +293,7 @@ impl Engine {
             cues,
             ess: estimate.ess,
             log_evidence: last.belief.log_evidence,
-            localisation_noise: parts.monitor.model().localisation_noise,
+            place,
             values: last.values,
             picture: Some(scene.image),
             detections: scene.detections,

@@ -93,8 +93,8 @@ const LOG_SCALE: Column = Column::new("log_scale", "", "Natural logarithm of the
 const ANGLE: Column = Column::new("angle", "rad", "Rotation relative to frame 1, clockwise on the screen.");
 const LOG_ASPECT: Column =
     Column::new("log_aspect", "", "Natural logarithm of width / height relative to frame 1, at the same area.");
-const SD_X: Column = Column::new("sd_x", "px", "Standard deviation of `x`.");
-const SD_Y: Column = Column::new("sd_y", "px", "Standard deviation of `y`.");
+const SD_X: Column = Column::new("sd_x", "px", "Standard deviation of the error of `x`.");
+const SD_Y: Column = Column::new("sd_y", "px", "Standard deviation of the error of `y`.");
 const GAZE_U: Column =
     Column::new("gaze_u", "half-boxes", "The chosen gaze, across: −1 to 1 from the left edge of the box to the right.");
 const GAZE_V: Column =
@@ -385,7 +385,7 @@ pub fn dictionary() -> String {
                 Some("x_x") => [
                     "`cov_x_x` to `cov_log_aspect_log_aspect`".to_owned(),
                     "product of theirs".to_owned(),
-                    "Covariances of x, y, vx, vy, log_scale, angle and log_aspect: the upper triangle, row by row. Those of the particles; with box regression plus the squares of its expected errors of place, size and shape."
+                    "Covariances of x, y, vx, vy, log_scale, angle and log_aspect: the upper triangle, row by row. Those of the particles; with box regression plus the squares of its expected errors of size and shape; of x and y those of the [error of the centre](confidence.md#where-is-the-target)."
                         .to_owned(),
                 ],
                 Some(_) => continue,

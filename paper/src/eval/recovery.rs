@@ -187,7 +187,7 @@ mod tests {
                 iou,
                 off: None,
                 covariance: [1.0, 0.0, 1.0],
-                noise: 0.0,
+                place: Default::default(),
             }
         };
         let case = |said: usize| Case::of("A", 1, hide, &(1..100).map(|t| judged(t, said)).collect::<Vec<_>>());

@@ -19,10 +19,12 @@ use crate::geometry::State;
 use crate::reference::ReferenceLikelihood;
 use crate::saved_state::{Valid, Validate, ensure};
 
+mod localisation;
 mod model;
 mod search;
 mod vote;
 
+pub use self::localisation::{Localisation, PlaceEvidence};
 use self::model::MOST_ODDS;
 pub use self::model::{
     AGREEMENT, AbsenceWeights, CUE_NAMES, CUES, ConfidenceModel, Cues, OWN, ReacquisitionWeights, SecondTrackerWeights,

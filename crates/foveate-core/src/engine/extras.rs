@@ -2,7 +2,7 @@
 
 use super::target::Estimate;
 use super::view::View;
-use crate::control::ConfidenceModel;
+use crate::control::{ConfidenceModel, PlaceEvidence};
 use crate::gaze::Context;
 use crate::geometry::Extent;
 use crate::identity::box_regression::{Answer, BoxRegression};
@@ -44,18 +44,29 @@ impl Extras {
         Some(boxes.answer(view.scene.image, &estimate.mean, view.target.extent))
     }
 
-    /// Returns the estimate as reported, with the expected errors of the box regression in its covariance: a sample that agrees is no
-    /// certainty. `answer` is the answer of the box regression if this frame has computed it already.
+    /// Returns the estimate as reported, with the expected errors of size and shape by the box regression in its covariance: a sample that
+    /// agrees is no certainty. `answer` is the answer of the box regression if this frame has computed it already.
     pub(super) fn regress(&mut self, view: &View<'_>, estimate: Estimate, answer: Option<Answer>) -> Estimate {
         let Some(boxes) = &mut self.box_regression else { return estimate };
         let mean = boxes.moved(view.scene.image, &estimate.mean, view.target.extent, answer);
-        let ([right, down, log_scale, log_aspect], (half_w, half_h)) = (boxes.errors(), mean.half(view.target.extent));
-        let mut covariance = estimate.covariance;
+        let ([.., log_scale, log_aspect], mut covariance) = (boxes.errors(), estimate.covariance);
         // In the order of `State::to_array`.
-        for (k, error) in [(0, right * half_w), (1, down * half_h), (4, log_scale), (6, log_aspect)] {
+        for (k, error) in [(4, log_scale), (6, log_aspect)] {
             covariance[k][k] += error * error;
         }
         Estimate { mean, covariance, ..estimate }
+    }
+
+    /// Returns what is known of the error of a reported place.
+    pub(super) fn evidence(&self, estimate: &Estimate, extent: Extent) -> PlaceEvidence {
+        let (c, (half_w, half_h)) = (&estimate.covariance, estimate.mean.half(extent));
+        let [right, down, ..] = self.box_regression.as_ref().map_or([0.0; 4], BoxRegression::errors);
+        PlaceEvidence {
+            belief: [c[0][0], c[0][1], c[1][1]],
+            errors: [right * half_w, down * half_h],
+            ess: estimate.ess,
+            unit: extent.mean() * estimate.mean.log_scale.exp(),
+        }
     }
 
     /// Returns the change of log size and log of width / height that the particles take after this frame; none if it is not confident.

@@ -14,6 +14,7 @@ use crate::control::{
 use crate::gaze::Policy;
 use crate::geometry::Gaze;
 use crate::scene::{Detection, Image};
+use crate::seen::credible;
 use foveate_base::rng::Rng;
 
 /// A look at a picture with this fraction of the target visible.
@@ -170,21 +171,23 @@ fn committing_to_a_gaze_drops_the_evidence_of_the_old_one() {
     }
 }
 
-/// An ellipse. Its squared half axes add up to χ² quantile × trace of (covariance + noise² I).
+/// An ellipse. Its squared half axes add up to the squared radius × trace of the covariance, which has the localisation noise.
 #[test]
 fn a_credible_region_includes_the_localisation_noise() {
-    let mut engine = started(parts(Toy::at(50.0)), 0);
-    let (image, noise) = (picture(), engine.parts.monitor.model().localisation_noise * EXTENT.mean());
-    let step = engine.step_on(Scene { image: &image, detections: &[] });
-    for share in [0.5, 0.9] {
-        let [long, short] = step.region(share).half;
-        let trace = step.covariance[0][0] + step.covariance[1][1] + 2.0 * noise * noise;
-        assert!(
-            (long * long + short * short + 2.0 * (1.0 - share).ln() * trace).abs() < 1e-6 * trace,
-            "{long} {short}"
-        );
-    }
-    assert!(noise > 0.5, "a pixel");
+    let with = |localisation_noise| {
+        let monitor = Monitor::new(Default::default(), ConfidenceModel { localisation_noise, ..toy::model() });
+        let mut engine = started(Parts { monitor, ..parts(Toy::at(50.0)) }, 0);
+        let image = picture();
+        let step = engine.step_on(Scene { image: &image, detections: &[] });
+        for share in [0.5, 0.9] {
+            let ([long, short], trace) = (step.region(share).half, step.covariance[0][0] + step.covariance[1][1]);
+            let want = credible(share) * trace;
+            assert!((long * long + short * short - want).abs() < 1e-6 * trace, "{long} {short}");
+        }
+        (step.covariance[0][0], step.unit())
+    };
+    let ((without, _), (noisy, unit)) = (with(0.0), with(0.2));
+    assert!((noisy - without - 0.04 * unit * unit).abs() < 1e-9, "{without} {noisy}");
 }
 
 /// The first estimate is the given box, up to the spread of the particles.

@@ -248,7 +248,7 @@ mod tests {
             iou: at(i).iou(&bbox(0.0)),
             off: None,
             covariance: [1.0, 0.0, 1.0],
-            noise: 0.0,
+            place: Default::default(),
         };
         let sequence = Sequence::named("A<b", truth);
         Case { sequence, seed: 3, boxes: (0..12).map(at).collect(), judged: (1..12).map(judged).collect() }

@@ -10,8 +10,9 @@ use super::reliability::{Bin, reliability};
 use super::table::aligned;
 use foveate_base::Result;
 use foveate_core::Seen;
-use foveate_core::control::{ConfidenceModel, Cues, LossMonitor, Status};
+use foveate_core::control::{ConfidenceModel, Cues, LossMonitor, PlaceEvidence, Status};
 use foveate_core::geometry::BBox;
+use foveate_core::seen::credible;
 use foveate_report::Observer;
 use foveate_video::Frame;
 
@@ -38,10 +39,10 @@ pub struct Judged {
     pub iou: f64,
     /// The true centre minus the estimate, in template units; `None` if the target is not visible.
     pub off: Option<[f64; 2]>,
-    /// Covariance of the belief about the position, in template units: xx, xy, yy.
+    /// The reported covariance of the place, in template units: xx, xy, yy.
     pub covariance: [f64; 3],
-    /// Localisation noise of the reported regions, in template units.
-    pub noise: f64,
+    /// What it follows from.
+    pub place: PlaceEvidence,
 }
 
 impl Judged {
@@ -60,20 +61,27 @@ impl Judged {
             iou: truth.map_or(0.0, |truth| seen.bbox.iou(&truth)),
             off,
             covariance: [c[0][0] / area, c[0][1] / area, c[1][1] / area],
-            noise: seen.localisation_noise,
+            place: seen.place,
         }
     }
     /// Returns whether the target is lost.
     pub fn lost(&self) -> bool {
         self.iou < LOST
     }
-    /// Returns the squared Mahalanobis distance of the truth, with this localisation noise (standard deviation, template units).
-    fn squares(&self, localisation_noise: f64) -> Option<f64> {
+    /// Returns the same frame with the covariance of the place by another model.
+    #[must_use]
+    pub fn located(&self, model: &ConfidenceModel) -> Self {
+        let area = (self.place.unit * self.place.unit).max(1e-12);
+        let covariance = model.localisation.place(model.localisation_noise, &self.place).map(|c| c / area);
+        Self { covariance, ..*self }
+    }
+    /// Returns the squared Mahalanobis distance of the truth, and the determinant of the covariance.
+    pub(super) fn squares(&self) -> Option<(f64, f64)> {
         let ([dx, dy], [a, b, d]) = (self.off?, self.covariance);
         // At least a millionth of a unit: a belief of one particle has no covariance.
-        let (a, d) =
-            (a + localisation_noise * localisation_noise + 1e-12, d + localisation_noise * localisation_noise + 1e-12);
-        Some((d * dx * dx - 2.0 * b * dx * dy + a * dy * dy) / (a * d - b * b).max(1e-24))
+        let (a, d) = (a + 1e-12, d + 1e-12);
+        let determinant = (a * d - b * b).max(1e-24);
+        Some(((d * dx * dx - 2.0 * b * dx * dy + a * dy * dy) / determinant, determinant))
     }
 }
 
@@ -138,10 +146,8 @@ pub struct ConfidenceScore {
     pub detected: usize,
     /// Frames from a loss to its report, for detected losses: median and 90 % quantile.
     pub delay: Option<[f64; 2]>,
-    /// Fraction of frames on the target with the truth in the 50 % and the 90 % region: of the belief alone, and with localisation noise.
-    pub coverage: Option<[[f64; 2]; 2]>,
-    /// The localisation noise for which the 90 % region contains 90 %, template units.
-    pub best_noise: Option<f64>,
+    /// Fraction of frames on the target with the truth in the 50 % and the 90 % region.
+    pub coverage: Option<[f64; 2]>,
 }
 
 impl ConfidenceScore {
@@ -157,8 +163,7 @@ impl ConfidenceScore {
         let rate = off.len() as f64 / n;
         let delays: Vec<Option<usize>> = tracks.iter().flat_map(|track| delays(track)).collect();
         let detected: Vec<f64> = delays.iter().flatten().map(|d| *d as f64).collect();
-        let [alone, with]: [fn(&Judged) -> f64; 2] = [|_| 0.0, |j| j.noise];
-        let coverage = (!on.is_empty()).then(|| [alone, with].map(|noise| REGIONS.map(|p| coverage(&on, p, &noise))));
+        let coverage = (!on.is_empty()).then(|| REGIONS.map(|p| coverage(on.iter().copied().copied(), p)));
         Self {
             frames: all.len(),
             lost: off.len(),
@@ -174,7 +179,6 @@ impl ConfidenceScore {
             detected: detected.len(),
             delay: (!detected.is_empty()).then(|| [0.5, 0.9].map(|q| quantile(&detected, q))),
             coverage,
-            best_noise: (!on.is_empty()).then(|| best_noise(&on)),
         }
     }
     /// Returns the fraction of lost frames among those with P(lost) below 0.1; `None` without such a frame.
@@ -182,11 +186,11 @@ impl ConfidenceScore {
         self.bins.first().filter(|bin| bin.count > 0).map(|bin| bin.accuracy)
     }
     /// Returns a track with the reports of another model, for unchanged boxes and cues: different searches are not simulated.
-    pub fn rejudged(track: &[Judged], confidence: &ConfidenceModel) -> Vec<Judged> {
-        let mut monitor = LossMonitor::new(confidence.clone());
+    pub fn rejudged(track: &[Judged], model: &ConfidenceModel) -> Vec<Judged> {
+        let mut monitor = LossMonitor::new(model.clone());
         let again = |j: &Judged| {
             let confidence = monitor.rejudge(&j.cues);
-            Judged { p_lost: confidence.p_lost, status: confidence.status, ..*j }
+            Judged { p_lost: confidence.p_lost, status: confidence.status, ..j.located(model) }
         };
         track.iter().map(again).collect()
     }
@@ -223,22 +227,14 @@ fn delays(track: &[Judged]) -> Vec<Option<usize>> {
     runs.map(|run| run.iter().position(|j| !j.status.is_usable())).collect()
 }
 
-/// Returns the fraction of frames with the truth in the credible ellipse of probability p: for a normal belief the squared Mahalanobis
-/// distance is at most −2 ln(1 − p).
-fn coverage(frames: &[&Judged], p: f64, noise: &dyn Fn(&Judged) -> f64) -> f64 {
-    let most = -2.0 * (1.0 - p).ln();
-    let squares: Vec<f64> = frames.iter().filter_map(|j| j.squares(noise(j))).collect();
-    squares.iter().filter(|s| **s <= most).count() as f64 / squares.len().max(1) as f64
-}
-
-/// Returns the smallest localisation noise, to a thousandth of a unit, for which the 90 % region contains 90 % of the frames.
-fn best_noise(frames: &[&Judged]) -> f64 {
-    let (mut low, mut high) = (0.0, 4.0);
-    while high - low > 1e-3 {
-        let middle = 0.5 * (low + high);
-        if coverage(frames, REGIONS[1], &|_| middle) < REGIONS[1] { low = middle } else { high = middle }
+/// Returns the fraction of frames with the truth in the credible ellipse of probability p.
+pub(super) fn coverage(frames: impl Iterator<Item = Judged>, p: f64) -> f64 {
+    let (mut inside, mut all) = (0.0, 0.0);
+    for (squares, _) in frames.filter_map(|j| j.squares()) {
+        inside += f64::from(u8::from(squares <= credible(p)));
+        all += 1.0;
     }
-    high
+    inside / f64::max(all, 1.0)
 }
 
 /// Formats the scores as text.
@@ -247,7 +243,6 @@ pub fn text(score: &ConfidenceScore) -> String {
     let or = |v: Option<String>| v.unwrap_or_else(|| "-".into());
     let known = |v: String| if s.frames > 0 { v } else { "-".into() };
     let percent = |v: f64| format!("{:.1} %", 100.0 * v);
-    let coverage = |k: usize| or(s.coverage.map(|c| format!("{} / {}", percent(c[k][0]), percent(c[k][1]))));
     let rows = [
         ("frames, lost", format!("{}, {}", s.frames, s.lost)),
         ("calibration error of P(lost)", known(format!("{:.4}", s.ece))),
@@ -259,9 +254,7 @@ pub fn text(score: &ConfidenceScore) -> String {
         ("lost frames reported at 40 false alarms per 1000, by P(lost)", or(s.reported_at.map(percent))),
         ("losses detected", format!("{} of {}", s.detected, s.episodes)),
         ("detection delay in frames, median, 90 %", or(s.delay.map(|d| format!("{:.0}, {:.0}", d[0], d[1])))),
-        ("truth in 50 / 90 % region, belief alone", coverage(0)),
-        ("truth in 50 / 90 % region, with localisation noise", coverage(1)),
-        ("localisation noise for 90 %, template units", or(s.best_noise.map(|b| format!("{b:.3}")))),
+        ("truth in 50 / 90 % region", or(s.coverage.map(|c| c.map(percent).join(" / ")))),
     ];
     let rows: Vec<Vec<String>> = rows.into_iter().map(|(name, value)| vec![name.to_string(), value]).collect();
     let mut bins = vec![["P(lost)", "frames", "mean", "lost"].map(String::from).to_vec()];
@@ -278,7 +271,6 @@ mod tests {
     use super::*;
     use foveate_base::rng::Streams;
     use rand::RngExt;
-    use rand_distr::StandardNormal;
 
     fn judged(p_lost: f64, iou: f64, status: Status) -> Judged {
         Judged {
@@ -288,7 +280,7 @@ mod tests {
             iou,
             off: Some([0.0, 0.0]),
             covariance: [1.0, 0.0, 1.0],
-            noise: 0.0,
+            place: PlaceEvidence { unit: 1.0, ..PlaceEvidence::default() },
         }
     }
 
@@ -316,29 +308,20 @@ mod tests {
         assert!(!text(&ConfidenceScore::of(&[])).contains("0.0"), "no frame tells nothing");
     }
 
-    /// 4000 samples from correct beliefs, and from beliefs that ignore 0.3 units of noise: the fraction within the 90 % region has a
-    /// standard deviation of 0.005; a correct program exceeds five of them once in a million.
+    /// 4000 errors of the distribution whose regions are reported: the fraction within the 90 % region has a standard deviation of 0.005; a
+    /// correct program exceeds five of them once in a million.
     #[test]
     fn regions_of_correct_beliefs_have_their_coverage() {
         let mut rng = Streams::new(11, 0).rng(0);
-        let mut frames = |localisation_noise: f64| -> Vec<Judged> {
-            let draw = |_| {
-                let [a, b, c, d] = std::array::from_fn(|_| rng.sample::<f64, _>(StandardNormal));
-                // x = 0.2 a, y = 0.1 a + 0.3 b.
-                let off = Some([0.2 * a + localisation_noise * c, 0.1 * a + 0.3 * b + localisation_noise * d]);
-                Judged { off, covariance: [0.04, 0.02, 0.1], ..judged(0.0, 1.0, Status::Tracking) }
-            };
-            (0..4000).map(draw).collect()
+        let mut frame = |_| {
+            let (r, turn) = (credible(rng.random::<f64>()).sqrt(), std::f64::consts::TAU * rng.random::<f64>());
+            let (a, b) = (r * turn.cos(), r * turn.sin());
+            // x = 0.2 a, y = 0.1 a + 0.3 b; the covariance of a and b is 1.
+            let off = Some([0.2 * a, 0.1 * a + 0.3 * b]);
+            Judged { off, covariance: [0.04, 0.02, 0.1], ..judged(0.0, 1.0, Status::Tracking) }
         };
-        let (right, blurred) = (frames(0.0), frames(0.3));
-        let of = |frames: &[Judged], noise| {
-            let frames: Vec<Judged> = frames.iter().map(|j| Judged { noise, ..*j }).collect();
-            ConfidenceScore::of(&[&frames]).coverage.expect("frames")
-        };
-        let near = |got: [f64; 2]| (got[0] - 0.5).abs() < 0.04 && (got[1] - 0.9).abs() < 0.025;
-        assert!(near(of(&right, 0.0)[0]) && near(of(&blurred, 0.3)[1]));
-        assert!(of(&blurred, 0.3)[0][1] < 0.8, "the belief alone is too sure");
-        let found = ConfidenceScore::of(&[&blurred]).best_noise.expect("frames");
-        assert!((found - 0.3).abs() < 0.04, "{found}");
+        let frames: Vec<Judged> = (0..4000).map(&mut frame).collect();
+        let [half, most] = ConfidenceScore::of(&[&frames]).coverage.expect("frames");
+        assert!((half - 0.5).abs() < 0.04 && (most - 0.9).abs() < 0.025, "{half} {most}");
     }
 }

@@ -62,7 +62,7 @@ pub fn text(first: &str, lines: &[(String, ConfidenceScore)]) -> String {
             or(s.false_alarms.map(|f| format!("{f:.1}"))),
             or(s.reported.map(percent)),
             or(s.reported_at.map(percent)),
-            or(s.coverage.map(|c| c[1].map(|v| format!("{v:.2}")).join(" / "))),
+            or(s.coverage.map(|c| c.map(|v| format!("{v:.2}")).join(" / "))),
         ]
     };
     let all: Vec<Vec<String>> =
@@ -92,7 +92,7 @@ mod tests {
                 iou,
                 off: Some([0.0, 0.0]),
                 covariance: [1.0, 0.0, 1.0],
-                noise: 0.0,
+                place: Default::default(),
             }
         };
         Judgement { video: video.into(), origin: origin(video), occluded: false, frames: (0..100).map(frame).collect() }

@@ -1,7 +1,8 @@
 //! Fits a [`ConfidenceModel`] on tracks with ground truth. `confidence_cross.rs` tests it on others.
 
 use super::catalogue::Origin;
-use super::confidence::{ConfidenceScore, Judged};
+use super::confidence::Judged;
+use super::localisation_fit::fit_localisation;
 use crate::hide::Hide;
 use foveate_base::Result;
 use foveate_base::rows::Rows;
@@ -62,7 +63,7 @@ pub fn follow(
     Ok(frames)
 }
 
-/// Fits weights, bias, second-tracker weights and localisation noise on these tracks; everything else stays. Videos without an inserted
+/// Fits weights, bias, second-tracker weights and localisation on these tracks; everything else stays. Videos without an inserted
 /// occlusion count about five times as much as those with one, for any numbers of frames: few videos contain a loss, and a model fitted
 /// mostly on occlusions overestimates P(lost).
 ///
@@ -70,11 +71,7 @@ pub fn follow(
 /// There is no frame, or none of one of the two kinds.
 pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<ConfidenceModel> {
     let (weights, bias) = logistic(tracks, |j| std::array::from_fn::<f64, OWN, _>(|k| j.cues[k]), L2)?;
-    let such: Vec<&[Judged]> = tracks.iter().map(|t| &t.frames[..]).collect();
-    let localisation_noise = ConfidenceScore::of(&such).best_noise.unwrap_or(confidence.localisation_noise);
-    let mut table = confidence.clone();
-    (table.weights, table.bias, table.localisation_noise) = (weights, bias, localisation_noise);
-    fit_second_opinion(tracks, &table)
+    fit_second_opinion(tracks, &ConfidenceModel { weights, bias, ..fit_localisation(tracks, confidence)? })
 }
 
 /// Fits the second-tracker weights on these tracks, and leaves them unchanged if there was no second tracker. Everything else stays, so
@@ -165,7 +162,7 @@ mod tests {
                     iou,
                     off: None,
                     covariance: [1.0, 0.0, 1.0],
-                    noise: 0.0,
+                    place: Default::default(),
                 }
             }));
         }

@@ -20,6 +20,7 @@ pub mod confidence_fit;
 pub mod confidence_plot;
 pub mod curves;
 pub mod experiment;
+pub mod localisation_fit;
 pub mod masks;
 pub mod metrics;
 pub mod mot;

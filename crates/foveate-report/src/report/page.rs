@@ -10,10 +10,11 @@ use crate::{Baseline, RunInfo};
 use foveate_core::Seen;
 use foveate_core::control::Status;
 use foveate_core::geometry::BBox;
+use foveate_core::seen::credible;
 use foveate_video::Frame;
 
 /// One number per frame; NaN if there is none. All but the first two are of the only target, and empty if there are more.
-const COLUMNS: [&str; 33] = [
+const COLUMNS: [&str; 32] = [
     "frame",
     "time",
     "x",
@@ -46,7 +47,6 @@ const COLUMNS: [&str; 33] = [
     "distance",
     "p_lost",
     "status",
-    "localisation_noise",
 ];
 
 /// Maximum number of drawn classes: the number of colours.
@@ -189,7 +189,7 @@ impl Page {
         let row = &mut self.rows[index];
         row[15..20].copy_from_slice(&[c[0][0], c[0][1], c[1][1], c[0][0].sqrt(), c[1][1].sqrt()]);
         row[22] = f64::from(u8::from(seen.is_usable()));
-        row[30..].copy_from_slice(&[seen.p_lost, f64::from(seen.status as u8), seen.localisation_noise * seen.unit()]);
+        row[30..].copy_from_slice(&[seen.p_lost, f64::from(seen.status as u8)]);
         if seen.weights.is_empty() {
             return;
         }
@@ -286,7 +286,7 @@ impl Page {
             "particles": self.particles, "shown": self.shown, "features": self.features, "learned": self.learned,
             "cells": self.cells.iter().map(|v| short(*v)).collect::<Vec<_>>(), "template": self.template,
             "arms": self.arms, "surface": self.surface, "baselines": baselines, "regret": self.regret, "classes": self.classes(),
-            "statuses": statuses, "series": series, "keys": keys,
+            "statuses": statuses, "credible": credible(0.9), "series": series, "keys": keys,
         });
         html::page(include_str!("page.html"), &self.source, &data, &SCRIPTS, &[("tracks", sections)])
     }

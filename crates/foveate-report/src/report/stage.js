@@ -107,9 +107,9 @@ function drawView(c, key, view, box) {
   });
   if (shown.box) for (const target of key.targets) drawTarget(c, target, at, drawn);
   if (shown.ellipse && series.cov_xx[row] !== null) {
-    const noise = series.localisation_noise[row] ** 2, [a, b, d] = [series.cov_xx[row] + noise, series.cov_xy[row], series.cov_yy[row] + noise];
+    const [a, b, d] = [series.cov_xx[row], series.cov_xy[row], series.cov_yy[row]];
     const middle = (a + d) / 2, apart = Math.hypot((a - d) / 2, b), turn = .5 * Math.atan2(2 * b, a - d);
-    const [r1, r2] = [middle + apart, middle - apart].map(v => Math.sqrt(-2 * Math.log(.1)) * k * Math.sqrt(Math.max(v, 0)));
+    const [r1, r2] = [middle + apart, middle - apart].map(v => k * Math.sqrt(data.credible * Math.max(v, 0)));
     cased(() => c.ellipse(...at(series.x[row], series.y[row]), r1, r2, turn, 0, 7), '#ffffff', 1.2, [3, 4]);
   }
   if (shown.fixation && !viewed) for (const target of key.targets) drawn.cross(...at(target.at[8], target.at[9]), 5, target.colour);

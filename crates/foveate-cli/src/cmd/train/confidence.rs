@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use foveate::control::{CUE_NAMES, ConfidenceModel};
+use foveate::lab::eval::catalogue::Half;
 use foveate::lab::eval::choice::{by_half, by_source};
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
 use foveate::lab::eval::confidence_cross::{self, Fitting, cross_fit};
 use foveate::lab::eval::confidence_fit::{Judgement, fit, fit_second_opinion};
+use foveate::lab::eval::localisation_fit::fit_localisation;
 use foveate::lab::eval::{confidence, confidence_plot};
 use foveate::report::quoted;
 use foveate::{Error, Result, files};
@@ -26,6 +28,7 @@ use crate::terminal;
 /// replaces the configuration's section.
 /// P(lost) decides when the tracker searches for a lost target, so a new model changes the tracks: `--rounds 2` tracks again with the new
 /// model, and fits on both rounds. The printed scores are those of the last round. The same command resumes after Ctrl-C or a kill.
+/// In --config and --set, {other} stands for the letter of the half that a sequence is not of, as in foveate eval.
 #[derive(clap::Args)]
 pub(super) struct Args {
     /// Tracker: a configuration file, or the name of a shipped configuration
@@ -39,8 +42,11 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=10))]
     rounds: u64,
     /// Fit only the weights of the second tracker: the tracker's own weights and boxes stay unchanged
-    #[arg(long)]
+    #[arg(long, conflicts_with = "only_localisation")]
     only_second_opinion: bool,
+    /// Fit only the localisation, from which the covariance of the place and its credible regions follow: P(lost) and boxes stay unchanged
+    #[arg(long)]
+    only_localisation: bool,
     /// Output file for the section
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -57,7 +63,12 @@ struct Section<'a> {
 /// Runs the command.
 pub(super) fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
-    let (mut config, folder) = configure::read(&args.config, &args.changes)?;
+    let read = |half: Half| {
+        let name = args.config.replace(configure::OTHER, half.other().name());
+        configure::read(&name, &args.changes.for_half(half))
+    };
+    let mut halves = Half::BOTH.map(read).into_iter().collect::<Result<Vec<_>>>()?;
+    let config = &halves[0].0;
     if config.committee > 1 {
         return Err(Error::Invalid(format!(
             "{}: a committee's P(lost) is made of its members', and nothing of it is fitted; fit a member: --set committee=1",
@@ -84,25 +95,30 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (mut before, mut kept) = (0, vec![]);
     for round in 1..=args.rounds {
         before = tracks.len();
-        let blueprint = config.clone().check(&folder)?;
-        let jobs = videos.jobs(&args.tracked, blueprint)?;
+        let blueprints = halves.iter().map(|(config, folder)| config.clone().check(folder)).collect::<Result<_>>()?;
+        let jobs = videos.jobs(&args.tracked, blueprints)?;
         kept.extend(jobs.keys());
         let Some(made) = jobs.tracks(&store, &format!("confidence, round {round}"))? else {
             return Err(runs::stopped(&store.folder));
         };
         tracks.extend(made);
         if round < args.rounds {
-            config.confidence = args.fitting()(&tracks.iter().collect::<Vec<_>>(), &config.confidence)?;
+            let fitted = args.fitting()(&tracks.iter().collect::<Vec<_>>(), &halves[0].0.confidence)?;
+            halves.iter_mut().for_each(|(config, _)| config.confidence = fitted.clone());
         }
     }
-    judge(args, &tracks, before, &config.confidence)?;
+    judge(args, &tracks, before, &halves[0].0.confidence)?;
     // The next call starts from the beginning.
     store.forget(kept)
 }
 
 impl Args {
     fn fitting(&self) -> Fitting {
-        if self.only_second_opinion { fit_second_opinion } else { fit }
+        match (self.only_second_opinion, self.only_localisation) {
+            (true, _) => fit_second_opinion,
+            (_, true) => fit_localisation,
+            _ => fit,
+        }
     }
 }
 
@@ -186,7 +202,8 @@ mod tests {
     #[test]
     fn a_video_may_have_any_name() {
         let (status, cues) = (Status::Tracking, [0.0; CUE_NAMES.len()]);
-        let frame = Judged { p_lost: 0.5, status, cues, iou: 1.0, off: None, covariance: [0.0; 3], noise: 0.0 };
+        let frame =
+            Judged { p_lost: 0.5, status, cues, iou: 1.0, off: None, covariance: [0.0; 3], place: Default::default() };
         let track = Judgement { video: "=a,b".into(), origin: origin("=a,b"), occluded: false, frames: vec![frame] };
         let text = csv(&[track]);
         assert!(text.lines().nth(1).is_some_and(|line| line.starts_with("0,\"'=a,b\",0,0,0.5,0,1,")), "{text}");

@@ -95,15 +95,17 @@ impl Videos {
         Ok(Self::Scenes((0..10).map(scene).collect(), digits, pixels))
     }
 
-    /// Creates jobs for a tracker: each video with each seed, and each backwards after its forward run.
-    pub(super) fn jobs(&self, args: &Tracked, blueprint: Blueprint) -> Result<Jobs<'_>> {
+    /// Creates jobs for a tracker, one for each half of the videos: each video with each seed, and each backwards after its forward run.
+    pub(super) fn jobs(&self, args: &Tracked, blueprints: Vec<Blueprint>) -> Result<Jobs<'_>> {
         let seeds = || (0..args.seeds).map(|i| args.seed.wrapping_add(i));
         let ways = if args.backwards { &[false, true][..] } else { &[false] };
         let all = (0..self.len())
             .flat_map(|video| ways.iter().map(move |backwards| (video, *backwards)))
             .flat_map(|(video, backwards)| seeds().map(move |seed| Job { video, backwards, seed }))
             .collect();
-        Ok(Jobs { videos: self, entry: Entry::of(blueprint, &program()?)?, occlusions: args.occlusions, all })
+        let program = program()?;
+        let entries = blueprints.into_iter().map(|it| Entry::of(it, &program)).collect::<Result<_>>()?;
+        Ok(Jobs { videos: self, entries, occlusions: args.occlusions, all })
     }
 
     fn len(&self) -> usize {
@@ -132,7 +134,8 @@ impl Videos {
 /// The jobs of one tracker on all videos.
 pub(super) struct Jobs<'a> {
     videos: &'a Videos,
-    entry: Entry,
+    /// For each half.
+    entries: Vec<Entry>,
     occlusions: u64,
     all: Vec<Job>,
 }
@@ -159,34 +162,38 @@ impl Jobs<'_> {
     fn key(&self, job: &Job) -> String {
         let Job { video, backwards, seed } = job;
         let how = format!("confidence {} {backwards} {seed} {}", self.videos.name(*video), self.occlusions);
-        experiment::digest(&[self.entry.key.as_bytes(), how.as_bytes()])
+        experiment::digest(&[self.entry(*video).key.as_bytes(), how.as_bytes()])
+    }
+
+    /// Returns the configuration for a video.
+    fn entry(&self, video: usize) -> &Entry {
+        match self.videos {
+            Videos::Sequences(all) => &self.entries[all[video].0.origin.half as usize],
+            Videos::Scenes(..) => &self.entries[0],
+        }
     }
 
     fn made(&self, job: &Job) -> Result<Vec<Judgement>> {
         match self.videos {
             Videos::Sequences(all) => {
                 let video = of_sequence(&all[job.video].0)?;
-                if job.backwards {
-                    self.followed(&video.backwards(), &WAYS, job.seed)
-                } else {
-                    self.followed(&video, &WAYS, job.seed)
-                }
+                let way = if job.backwards { video.backwards() } else { video };
+                self.followed(&way, &WAYS, job)
             }
-            Videos::Scenes(all, digits, _) => {
-                self.followed(&of_scene(&all[job.video], digits)?, &[Way::Behind], job.seed)
-            }
+            Videos::Scenes(all, digits, _) => self.followed(&of_scene(&all[job.video], digits)?, &[Way::Behind], job),
         }
     }
 
     /// Tracks a video unchanged and, if it is long enough, with inserted occlusions.
-    fn followed(&self, video: &Video<'_>, ways: &[Way], seed: u64) -> Result<Vec<Judgement>> {
+    fn followed(&self, video: &Video<'_>, ways: &[Way], job: &Job) -> Result<Vec<Judgement>> {
+        let (seed, blueprint) = (job.seed, &self.entry(job.video).blueprint);
         let clips = ways
             .iter()
             .flat_map(|way| (0..self.occlusions).map(move |k| (*way, seed.wrapping_mul(1000).wrapping_add(k))));
         let hidden = clips.filter_map(|(way, seed)| Hide::choose(way, &video.truth, video.size, (30, 90), seed).ok());
         let all = std::iter::once(None).chain(hidden.map(Some));
         all.map(|hide| {
-            let (picture, mut tracker) = (&*video.picture, self.entry.blueprint.tracker(seed)?);
+            let (picture, mut tracker) = (&*video.picture, blueprint.tracker(seed)?);
             let frames = follow(&video.truth, video.truth.len(), hide.as_ref(), picture, &mut tracker)?;
             Ok(Judgement { video: video.name.clone(), origin: video.origin.clone(), occluded: hide.is_some(), frames })
         })

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Localisation;
 use crate::control::StatusThresholds;
 use foveate_base::error::within;
 use foveate_base::{Error, Result};
@@ -79,9 +80,11 @@ pub struct ConfidenceModel {
     pub status: StatusThresholds,
     /// Frames until occluded becomes lost and reacquired becomes tracking.
     pub patience: usize,
-    /// Standard deviation, template units, added to credible regions for an inexact first box and a changing
-    /// target, 0 to 10.
+    /// Standard deviation of the place in addition to the belief's, template units, for an inexact first box and a changing target, 0 to
+    /// 10.
     pub localisation_noise: f64,
+    /// How the covariance of the place follows from that of the particles and from the box regression. It changes no box.
+    pub localisation: Localisation,
 }
 
 /// The effect of a second tracker on the reported P(lost): logit P = `own` · logit P° + `agreement` · cue + `bias`,
@@ -156,7 +159,8 @@ impl Default for ConfidenceModel {
             surest: 1.0,
             status: StatusThresholds::default(),
             patience: 15,
-            localisation_noise: 0.1,
+            localisation_noise: 0.0,
+            localisation: Localisation::default(),
         }
     }
 }
@@ -187,6 +191,7 @@ impl ConfidenceModel {
             within(&format!("confidence.{name}"), value, least, most)?;
         }
         self.status.check()?;
+        self.localisation.check()?;
         match self.leave {
             leave if (0.0..=self.enter).contains(&leave) => Ok(()),
             leave => Err(Error::Config(format!("confidence.leave is 0 to confidence.enter; it is {leave}"))),

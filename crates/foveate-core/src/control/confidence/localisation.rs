@@ -1,0 +1,158 @@
+//! The covariance of the reported place.
+//!
+//! Deviation: the particles agree too soon, so their covariance alone does not say how far the box may be off.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::Covariance;
+use foveate_base::Result;
+use foveate_base::error::within;
+
+/// What is known of the error of the reported place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PlaceEvidence {
+    /// Covariance of the belief over x and y, px²: xx, xy, yy.
+    pub belief: [f64; 3],
+    /// Expected errors of the box regression, right and down, px; 0 without one.
+    pub errors: [f64; 2],
+    /// Effective sample size, 1 to N; 0 if the box was given.
+    pub ess: f64,
+    /// Pixels per template unit.
+    pub unit: f64,
+}
+
+/// How the covariance of the reported place follows from [`PlaceEvidence`]: g (`belief` · Σ + `borders` · diag(e²) + `pixels`² I) +
+/// (`lone` · unit)² / ESS³ I, with the belief's covariance Σ and the expected errors e of the box regression.
+/// g is 1, or with `sharp` above 0: m⁴ / (m⁴ + `sharp`⁴) for the root mean square m of e in half boxes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Localisation {
+    /// Share of the belief's covariance of place, 0 to 100.
+    pub belief: f64,
+    /// Share of the squares of the box regression's expected errors of place, 0 to 100.
+    pub borders: f64,
+    /// Standard deviation of a true box in whole pixels, px, 0 to 100.
+    pub pixels: f64,
+    /// Standard deviation at an effective sample size of 1, template units, 0 to 10: one particle says nothing about its error.
+    pub lone: f64,
+    /// Expected error of the box regression, half boxes, 0 to 1, below which borders are so sharp that all of these count less; 0 is off.
+    pub sharp: f64,
+}
+
+impl Default for Localisation {
+    /// The belief's covariance plus the squares of the expected errors.
+    fn default() -> Self {
+        Self { belief: 1.0, borders: 1.0, pixels: 0.0, lone: 0.0, sharp: 0.0 }
+    }
+}
+
+impl Localisation {
+    pub(super) fn check(&self) -> Result<()> {
+        for (name, value, most) in [
+            ("belief", self.belief, 100.0),
+            ("borders", self.borders, 100.0),
+            ("pixels", self.pixels, 100.0),
+            ("lone", self.lone, 10.0),
+            ("sharp", self.sharp, 1.0),
+        ] {
+            within(&format!("confidence.localisation.{name}"), value, 0.0, most)?;
+        }
+        Ok(())
+    }
+
+    /// Returns the share of the belief's covariance that counts, and the variances to add to x and y, px². `noise` is the standard
+    /// deviation that every place has, template units.
+    fn parts(&self, noise: f64, evidence: &PlaceEvidence) -> (f64, [f64; 2]) {
+        let PlaceEvidence { errors, ess, unit, .. } = *evidence;
+        let squares = errors.map(|e| e * e);
+        let mean = 0.5 * (squares[0] + squares[1]) / (unit * unit).max(1e-12);
+        let clear = match self.sharp {
+            sharp if sharp > 0.0 => mean * mean / (mean * mean + sharp.powi(4)),
+            _ => 1.0,
+        };
+        let lone = (self.lone * unit).powi(2) / ess.max(1.0).powi(3);
+        let common = clear * self.pixels * self.pixels + lone + (noise * unit).powi(2);
+        (clear * self.belief, squares.map(|square| clear * self.borders * square + common))
+    }
+
+    /// Returns the covariance of the reported place over x and y, px²: xx, xy, yy.
+    pub fn place(&self, noise: f64, evidence: &PlaceEvidence) -> [f64; 3] {
+        let (share, more) = self.parts(noise, evidence);
+        let [xx, xy, yy] = evidence.belief;
+        [share * xx + more[0], share * xy, share * yy + more[1]]
+    }
+
+    /// Puts the covariance of the reported place into `covariance`, which has that of the belief. Correlations of the belief with its place
+    /// keep their size relative to the belief's part, so the matrix stays positive semidefinite.
+    pub fn apply(&self, noise: f64, evidence: &PlaceEvidence, covariance: &mut Covariance) {
+        let (share, more) = self.parts(noise, evidence);
+        let ratio = share.sqrt();
+        for (k, more) in more.into_iter().enumerate() {
+            covariance.iter_mut().for_each(|row| row[k] *= ratio);
+            covariance[k].iter_mut().for_each(|x| *x *= ratio);
+            covariance[k][k] += more;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EVIDENCE: PlaceEvidence = PlaceEvidence { belief: [4.0, 1.0, 9.0], errors: [2.0, 3.0], ess: 4.0, unit: 10.0 };
+
+    #[test]
+    fn by_default_the_errors_add_to_the_belief() {
+        let it = Localisation::default();
+        assert_eq!(it.place(0.0, &EVIDENCE), [8.0, 1.0, 18.0]);
+        assert_eq!(it.place(0.1, &EVIDENCE), [9.0, 1.0, 19.0], "a tenth of ten pixels");
+    }
+
+    /// The formula by hand: m² = (0.04 + 0.09) / 2, g = m⁴ / (m⁴ + 0.2⁴).
+    #[test]
+    fn each_part_counts_as_documented() {
+        let it = Localisation { belief: 0.5, borders: 2.0, pixels: 0.3, lone: 0.8, sharp: 0.2 };
+        let g = 0.065f64.powi(2) / (0.065f64.powi(2) + 0.0016);
+        let common = g * 0.09 + 64.0 / 64.0;
+        let want = [g * (2.0 + 8.0) + common, g * 0.5, g * (4.5 + 18.0) + common];
+        for (got, want) in it.place(0.0, &EVIDENCE).into_iter().zip(want) {
+            assert!((got - want).abs() < 1e-12, "{got} {want}");
+        }
+        let one = Localisation { lone: 0.3, ..Localisation::default() };
+        let collapsed = PlaceEvidence { belief: [1e-9, 0.0, 1e-9], errors: [0.0; 2], ess: 1.0, unit: 13.0 };
+        assert!(one.place(0.0, &collapsed)[0].sqrt() > 3.8, "a sample of one particle is no certainty");
+    }
+
+    /// The whole matrix has the covariance of the place, and stays a covariance: its determinants of every leading block are positive.
+    #[test]
+    fn the_matrix_stays_positive_definite() {
+        let mut covariance = Covariance::default();
+        // A vector and its multiples, of rank 1, plus a little.
+        let v = [2.0, 3.0, 1.0, -1.0, 0.5, 0.2, 0.1];
+        for (i, row) in covariance.iter_mut().enumerate() {
+            for (j, x) in row.iter_mut().enumerate() {
+                *x = v[i] * v[j] + if i == j { 1e-3 } else { 0.0 };
+            }
+        }
+        let evidence = PlaceEvidence { belief: [covariance[0][0], covariance[0][1], covariance[1][1]], ..EVIDENCE };
+        let it = Localisation { belief: 0.3, borders: 0.0, pixels: 0.01, lone: 0.0, sharp: 0.5 };
+        let ([xx, xy, yy], before) = (it.place(0.0, &evidence), covariance);
+        it.apply(0.0, &evidence, &mut covariance);
+        for (got, want) in
+            [(covariance[0][0], xx), (covariance[0][1], xy), (covariance[1][0], xy), (covariance[1][1], yy)]
+        {
+            assert!((got - want).abs() < 1e-12, "{got} {want}");
+        }
+        assert_eq!(covariance[3][4], before[3][4], "the rest is that of the belief");
+        // Gaussian elimination: all pivots of a positive definite matrix are positive.
+        for k in 0..7 {
+            assert!(covariance[k][k] > 0.0, "pivot {k}: {}", covariance[k][k]);
+            for i in k + 1..7 {
+                let factor = covariance[i][k] / covariance[k][k];
+                for j in k..7 {
+                    covariance[i][j] -= factor * covariance[k][j];
+                }
+            }
+        }
+    }
+}
