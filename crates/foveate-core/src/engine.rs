@@ -153,6 +153,11 @@ impl Engine {
         let Parts { filter, gaze, appearance, monitor, extras, .. } = parts;
         // Importance sampling
         let mut belief = filter.predict(world.scene(), target.extent, (streams, t), last.belief); // x̃ ~ q, log wₜ₋₁ p/q
+        if context.lost
+            && let Some(seen) = monitor.loss.seen()
+        {
+            belief.hold_size(seen);
+        }
         let plan = gaze.plan(context, streams.at(t, Look), last.plan); // k* ~ πₜ
         let (scene, values) = world.read(&belief.expected, target.extent, plan.gazes())?; // vₜ
         let mut view = View::new(&mut **appearance, scene, target, visibility, &belief.expected, &mut last.scratch);

@@ -5,7 +5,8 @@
 //! target, or that the target is not visible. The weights are fitted on sequences with truth by `foveate train
 //! confidence`; docs/confidence.md has the figures.
 //!
-//! With a box regression both are at least its lower bound ([`Absence`]).
+//! With a box regression both are at least its lower bound ([`AbsenceWeights`]). While the reference is young, the reported one is at least
+//! that of [`EarlyWeights`].
 //!
 //! Deviation: with a second opinion there are two such probabilities. The reported one includes it; the *own* one, on which the tracker acts,
 //! does not, so that a second opinion changes no box. So there are two states as well: [`LossMonitor::is_searching`] follows from the own
@@ -27,7 +28,8 @@ mod vote;
 pub use self::localisation::{Localisation, PlaceEvidence};
 use self::model::MOST_ODDS;
 pub use self::model::{
-    AGREEMENT, AbsenceWeights, CUE_NAMES, CUES, ConfidenceModel, Cues, OWN, ReacquisitionWeights, SecondTrackerWeights,
+    AGREEMENT, AbsenceWeights, CUE_NAMES, CUES, ConfidenceModel, Cues, EarlyWeights, OWN, ReacquisitionWeights,
+    SecondTrackerWeights,
 };
 use self::search::SearchState;
 pub use self::vote::{Ballot, Vote};
@@ -94,6 +96,8 @@ pub struct LossMonitor {
 pub(crate) struct LossState {
     /// Frames the usual values were taken from.
     frames: usize,
+    /// Confident frames under this template.
+    confident: usize,
     /// Mean evidence, its mean deviation, and mean distance, on the target.
     evidence: f64,
     deviation: f64,
@@ -134,6 +138,8 @@ const NEWEST: f64 = 0.05;
 const SMOOTH: f64 = 0.2;
 /// The same for the similarity to remembered surroundings; short, so that returns are reported soon.
 const SHARPER: f64 = 0.4;
+/// Own P(lost) below which a frame is confident.
+const CONFIDENT: f64 = 0.05;
 /// Logit of absence before the box regression has been evaluated: the target was given or found.
 const PRESENT: f64 = -MOST_ODDS;
 /// Least deviation of the evidence, as a share of the distance between the reference likelihoods on and off the
@@ -165,14 +171,14 @@ impl LossMonitor {
 
     /// Resets the search after a new position was given; the running means stay.
     pub(crate) fn restart(&mut self) {
-        let LossState { frames, evidence, deviation, distance, seen, .. } = self.state;
-        self.state = LossState { frames, evidence, deviation, distance, seen, ..LossState::none() };
+        let LossState { frames, confident, evidence, deviation, distance, seen, .. } = self.state;
+        self.state = LossState { frames, confident, evidence, deviation, distance, seen, ..LossState::none() };
     }
 
     /// Resets the running means, because later looks are compared with another template.
     pub(crate) fn forget_usual(&mut self) {
         let m = &mut self.state;
-        (m.frames, m.evidence, m.deviation, m.distance, m.lasting) = (0, 0.0, 0.0, 0.0, 0.0);
+        (m.frames, m.confident, m.evidence, m.deviation, m.distance, m.lasting) = (0, 0, 0.0, 0.0, 0.0, 0.0);
         m.absence = PRESENT;
     }
 
@@ -205,6 +211,7 @@ impl LossMonitor {
         if m.search.update(&self.model, p_lost, elsewhere) {
             (m.best_place, m.absence) = (None, PRESENT);
         }
+        m.confident = m.confident.saturating_add(usize::from(verdict.own < CONFIDENT));
         (m.p_lost, m.own, m.cues) = (verdict.reported, verdict.own, cues);
         self.hold()
     }
@@ -224,7 +231,8 @@ impl LossMonitor {
     /// P(lost) of these cues, which is not less than `alarm`.
     fn verdict(&self, cues: &Cues, alarm: f64) -> Verdict {
         let (cued, least) = (self.model.own(cues).max(alarm), self.model.by_absence(cues).max(alarm));
-        Verdict { cued, own: cued.max(least), reported: self.model.reported(cued, cues).max(least) }
+        let early = self.model.by_early(cues, self.state.confident);
+        Verdict { cued, own: cued.max(least), reported: self.model.reported(cued, cues).max(least).max(early) }
     }
 
     /// The last verdict.

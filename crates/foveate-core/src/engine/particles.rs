@@ -5,6 +5,9 @@ use super::view::{Looks, View};
 use crate::control::{Belief, DetectionLikelihood, normalize};
 use crate::geometry::State;
 
+/// The farthest that the sizes of particles go from that of a confident frame while the target is lost: log size, and log of width / height.
+const MOST_CHANGE: f64 = 0.15;
+
 /// The states of one frame and their weights. If a search draws some states again, the weights are updated.
 #[derive(Default)]
 pub(super) struct Particles {
@@ -27,6 +30,16 @@ pub(super) struct Particles {
 }
 
 impl Particles {
+    /// Keeps size and shape of all states near those of `seen`, the target in the last confident frame. While the target is lost nothing
+    /// shows its size, and without a limit it would be a random walk; the search tries other sizes of each place itself.
+    pub(super) fn hold_size(&mut self, seen: &State) {
+        let near = |value: &mut f64, seen: f64| *value = value.clamp(seen - MOST_CHANGE, seen + MOST_CHANGE);
+        for state in &mut self.states {
+            near(&mut state.log_scale, seen.log_scale);
+            near(&mut state.log_aspect, seen.log_aspect);
+        }
+    }
+
     /// Computes wₜ ∝ wₜ₋₁ p/q Π p(h | x, a) over the used gazes, each to the power of its weight in the plan. Returns the log evidence of
     /// each gaze from its own look alone, in the buffer `evidence`.
     // Deviation: all gazes of a frame weigh the same particles; the paper samples anew for each action.

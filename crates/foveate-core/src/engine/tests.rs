@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::control::{
-    AbsenceWeights, ConfidenceModel, Consistency, DetectionLikelihood, DistractorSettings, LocalSearch,
-    ReacquisitionWeights, Redetection, Resampling,
+    AbsenceWeights, Autoregressive, ConfidenceModel, Consistency, DetectionLikelihood, DistractorSettings, LocalSearch,
+    Prior, ReacquisitionWeights, Redetection, Resampling,
 };
 use crate::gaze::Policy;
 use crate::geometry::Gaze;
@@ -209,6 +209,25 @@ fn the_policy_context_reports_a_lost_target() {
         engine.step_on(Scene { image: &image, detections: &[] });
     }
     assert!(engine.is_searching() && engine.context.lost);
+}
+
+/// While the target is lost, the sizes of the particles stay near the last confident one, though the dynamics change them in every frame.
+#[test]
+fn a_lost_target_keeps_its_size() {
+    let image = picture();
+    let moves = Autoregressive { damping: 0.0, velocity: 0.0, log_scale: 0.1, ..Default::default() };
+    let parts = parts(Toy::at(500.0));
+    let filter = parts.filter.with_proposal(Box::new(Prior::new(Arc::new(moves))));
+    let mut engine = started(Parts { filter, ..parts }, 0);
+    let step = |engine: &mut Engine| _ = engine.step_on(Scene { image: &image, detections: &[] });
+    (0..30).for_each(|_| step(&mut engine));
+    assert!(engine.is_searching());
+    let seen = engine.parts.monitor.loss.seen().expect("frames were seen").log_scale;
+    for frame in 0..60 {
+        step(&mut engine);
+        let far = engine.parts.filter.state.particles.iter().map(|it| (it.log_scale - seen).abs()).fold(0.0, f64::max);
+        assert!(far <= 0.15 + 1e-9, "{far} in frame {frame}");
+    }
 }
 
 /// The short-term memory is left out, scaled by the visible fraction as all evidence is: the rest does not depend on what it learned.

@@ -14,6 +14,9 @@ pub const OWN: usize = 10;
 /// Positions of the cues of the second tracker and of the box regression.
 pub const AGREEMENT: usize = OWN;
 const ABSENCE: usize = OWN + 1;
+/// Positions of the cues *margin* and *colour*.
+const MARGIN: usize = 7;
+const COLOUR: usize = 8;
 /// Their names, in order.
 pub const CUE_NAMES: [&str; CUES] = [
     "deficit",
@@ -66,6 +69,8 @@ pub struct ConfidenceModel {
     pub box_regression: ReacquisitionWeights,
     /// What the box regression counts for in whether a target that is tracked is lost; nothing without one.
     pub absence: AbsenceWeights,
+    /// What the colours and the box regression count for in the first frames.
+    pub early: EarlyWeights,
     /// Own P(lost), without the second tracker, above which a frame counts towards a search, 0 to 1.
     pub enter: f64,
     /// Own P(lost) below which a frame counts towards the end of a search, 0 to `enter`.
@@ -123,6 +128,22 @@ pub struct AbsenceWeights {
     pub bias: f64,
 }
 
+/// A lower bound on the reported P(lost) while the reference is young: logit `change` · max(0, *colour* − *margin*) + `absence` · *absence*
+/// + `bias`. In the first frames nothing is usual yet, and two trackers that have lost the target may agree on the ground below it. If the
+/// colours have changed and other places fit as well as the estimate, the target has probably gone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EarlyWeights {
+    /// Number of frames with an own P(lost) below 5 % after which the bound ends; 0 is off.
+    pub frames: usize,
+    /// Weight of the excess of *colour* over *margin*.
+    pub change: f64,
+    /// Weight of the cue *absence*.
+    pub absence: f64,
+    /// Bias.
+    pub bias: f64,
+}
+
 impl Default for AbsenceWeights {
     /// No effect.
     fn default() -> Self {
@@ -152,6 +173,7 @@ impl Default for ConfidenceModel {
             second_opinion: SecondTrackerWeights::default(),
             box_regression: ReacquisitionWeights::default(),
             absence: AbsenceWeights::default(),
+            early: EarlyWeights::default(),
             enter: 0.5,
             leave: 0.3,
             notice: 2,
@@ -181,6 +203,10 @@ impl ConfidenceModel {
             ("absence.rate", self.absence.rate, 1e-3, 1.0),
             ("absence.weight", self.absence.weight, 0.0, 1e3),
             ("absence.bias", self.absence.bias, -1e3, 1e3),
+            ("early.frames", self.early.frames as f64, 0.0, 1000.0),
+            ("early.change", self.early.change, 0.0, 1e3),
+            ("early.absence", self.early.absence, 0.0, 1e3),
+            ("early.bias", self.early.bias, -1e3, 1e3),
             ("enter", self.enter, 0.0, 1.0),
             ("notice", self.notice as f64, 1.0, 1000.0),
             ("confirm", self.confirm as f64, 1.0, 1000.0),
@@ -212,6 +238,13 @@ impl ConfidenceModel {
     pub(super) fn by_absence(&self, cues: &Cues) -> f64 {
         let AbsenceWeights { weight, bias, .. } = self.absence;
         if self.absence.counts() { logistic(weight * cues[ABSENCE] + bias) } else { 0.0 }
+    }
+
+    /// The lower bound of the reported P(lost) after so many confident frames.
+    pub(super) fn by_early(&self, cues: &Cues, confident: usize) -> f64 {
+        let EarlyWeights { frames, change, absence, bias } = self.early;
+        let changed = (cues[COLOUR] - cues[MARGIN]).max(0.0);
+        if confident < frames { logistic(change * changed + absence * cues[ABSENCE] + bias) } else { 0.0 }
     }
 
     /// ln(P / (1 − P)) of the same P.

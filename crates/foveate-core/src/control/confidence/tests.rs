@@ -218,6 +218,42 @@ fn a_second_opinion_is_reported_and_not_acted_on() {
     }
 }
 
+/// Other colours at a place that fits no better than its surroundings: the target has gone, though the second opinion agrees. A change of
+/// colours alone is not enough. The bound ends after some confident frames, and only the reported P(lost) takes it in.
+#[test]
+fn a_loss_in_the_first_frames_is_reported_where_the_second_opinion_agrees() {
+    let early = EarlyWeights { frames: 5, change: 6.0, absence: 1.0, bias: 3.0 };
+    let absence = AbsenceWeights { rate: 1.0, weight: 1.0, bias: -9.0 };
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -6.0, bias: 0.0 };
+    let model = ConfidenceModel { early, absence, second_opinion, ..ConfidenceModel::default() };
+    let frame = |colour: f64, margin: f64| {
+        let distractor = Some(-7.0 - 10.0 * margin);
+        let agreement = Some(1.0);
+        FrameEvidence { colour, distractor, agreement, absent: Some(-6.0), ..shown(-7.0, 0.0) }
+    };
+    for (confident, colour, margin, expected) in
+        [(0, 1.0, 0.0, true), (0, 1.0, 0.9, false), (0, 0.1, 0.0, false), (4, 1.0, 0.0, true), (5, 1.0, 0.0, false)]
+    {
+        let mut c = LossMonitor::new(model.clone());
+        (0..confident).for_each(|_| assert!(c.judge(&frame(0.0, 0.9)).own < 0.05));
+        let mut off = c.clone();
+        off.model.early.frames = 0;
+        let [with, without] = [&mut c, &mut off].map(|c| c.judge(&frame(colour, margin)));
+        assert_eq!(with.own, without.own, "the tracker acts as without the bound");
+        assert!(without.p_lost < 0.1, "{without:?}");
+        let by_hand = 1.0 / (1.0 + (-6.0 * (colour - margin).max(0.0) + 6.0 - 3.0f64).exp());
+        let bound = if confident < 5 { by_hand } else { 0.0 };
+        assert!((with.p_lost - without.p_lost.max(bound)).abs() < 1e-12, "{with:?}");
+        assert_eq!(!with.status.is_usable(), expected, "{confident} frames, colour {colour}, margin {margin}");
+    }
+    let mut c = LossMonitor::new(model);
+    (0..5).for_each(|_| _ = c.judge(&frame(0.0, 0.9)));
+    c.restart();
+    assert!(c.judge(&frame(1.0, 0.0)).status.is_usable(), "another place, the same template");
+    c.forget_usual();
+    assert!(!c.judge(&frame(1.0, 0.0)).status.is_usable(), "a new template is young");
+}
+
 #[test]
 fn a_saved_monitor_continues() {
     let frames: Vec<_> = (0..50).map(|t| shown(-3.0 - (t % 7) as f64, 0.02 * t as f64)).collect();
