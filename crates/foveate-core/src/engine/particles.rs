@@ -6,7 +6,7 @@ use crate::control::{Belief, DetectionLikelihood, normalize};
 use crate::geometry::State;
 
 /// The farthest that the sizes of particles go from that of a confident frame while the target is lost: log size, and log of width / height.
-const MOST_CHANGE: f64 = 0.15;
+const MOST_CHANGE: f64 = 0.25;
 
 /// The states of one frame and their weights. If a search draws some states again, the weights are updated.
 #[derive(Default)]

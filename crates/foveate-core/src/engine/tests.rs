@@ -226,7 +226,7 @@ fn a_lost_target_keeps_its_size() {
     for frame in 0..60 {
         step(&mut engine);
         let far = engine.parts.filter.state.particles.iter().map(|it| (it.log_scale - seen).abs()).fold(0.0, f64::max);
-        assert!(far <= 0.15 + 1e-9, "{far} in frame {frame}");
+        assert!(far <= 0.25 + 1e-9, "{far} in frame {frame}");
     }
 }
 
