@@ -154,6 +154,7 @@ impl Engine {
         // Importance sampling
         let mut belief = filter.predict(world.scene(), target.extent, (streams, t), last.belief); // x̃ ~ q, log wₜ₋₁ p/q
         if context.lost
+            && !filter.uses_detections()
             && let Some(seen) = monitor.loss.seen()
         {
             belief.hold_size(seen);
