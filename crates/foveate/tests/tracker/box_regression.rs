@@ -69,8 +69,11 @@ fn it_moves_the_reported_box_alone() {
 /// A sample that agrees is no certainty: the reported covariance has the network's expected errors besides.
 #[test]
 fn the_covariance_includes_the_expected_errors() {
+    let plain =
+        ["belief=1", "borders=1", "pixels=0", "lone=0", "sharp=0"].map(|of| format!("confidence.localisation.{of}"));
     let covariance = |settings: &[&str]| {
-        let mut tracker = tracker(config(settings));
+        let settings: Vec<&str> = settings.iter().copied().chain(plain.iter().map(String::as_str)).collect();
+        let mut tracker = tracker(config(&settings));
         tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
         tracker.update(&frame(1, 3).image).expect("a picture of the first size").covariance
     };

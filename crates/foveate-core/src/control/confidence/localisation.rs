@@ -35,7 +35,7 @@ pub struct Localisation {
     pub pixels: f64,
     /// Standard deviation at an effective sample size of 1, template units, 0 to 10: one particle says nothing about its error.
     pub lone: f64,
-    /// Expected error of the box regression, half boxes, 0 to 1, below which borders are so sharp that all of these count less; 0 is off.
+    /// Expected error of the box regression, half boxes, 0 to 1, below which borders are so sharp that all but `lone` count less; 0 is off.
     pub sharp: f64,
 }
 
@@ -67,7 +67,7 @@ impl Localisation {
         let squares = errors.map(|e| e * e);
         let mean = 0.5 * (squares[0] + squares[1]) / (unit * unit).max(1e-12);
         let clear = match self.sharp {
-            sharp if sharp > 0.0 => mean * mean / (mean * mean + sharp.powi(4)),
+            sharp if sharp > 0.0 && mean > 0.0 => mean * mean / (mean * mean + sharp.powi(4)),
             _ => 1.0,
         };
         let lone = (self.lone * unit).powi(2) / ess.max(1.0).powi(3);
@@ -118,6 +118,12 @@ mod tests {
         for (got, want) in it.place(0.0, &EVIDENCE).into_iter().zip(want) {
             assert!((got - want).abs() < 1e-12, "{got} {want}");
         }
+        let without = PlaceEvidence { errors: [0.0; 2], ..EVIDENCE };
+        assert_eq!(
+            Localisation { lone: 0.0, pixels: 0.0, ..it }.place(0.0, &without),
+            [2.0, 0.5, 4.5],
+            "no box regression"
+        );
         let one = Localisation { lone: 0.3, ..Localisation::default() };
         let collapsed = PlaceEvidence { belief: [1e-9, 0.0, 1e-9], errors: [0.0; 2], ess: 1.0, unit: 13.0 };
         assert!(one.place(0.0, &collapsed)[0].sqrt() > 3.8, "a sample of one particle is no certainty");
