@@ -76,8 +76,9 @@ fn detections_that_nothing_uses_are_refused() {
 #[test]
 fn what_is_covered_counts_for_less() {
     let image = target();
+    let belief = ["borders=0", "pixels=0", "lone=0", "sharp=0"].map(|of| format!("confidence.localisation.{of}"));
     let spread = |visible: f64| {
-        let mut tracker = tracker(&[]);
+        let mut tracker = tracker(&belief.each_ref().map(String::as_str));
         tracker.set_visibility(visible);
         tracker.update(&image).expect("a picture of the first size").covariance[0][0]
     };
