@@ -5,6 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::catalogue::Origin;
 use super::experiment::quantile;
 use super::reliability::{Bin, reliability};
 use super::table::aligned;
@@ -43,6 +44,19 @@ pub struct Judged {
     pub covariance: [f64; 3],
     /// What it follows from.
     pub place: PlaceEvidence,
+}
+
+/// One tracker on one video.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Judgement {
+    /// The video's name.
+    pub video: String,
+    /// Its origin: tracks of one half, or of one source, are left out together.
+    pub origin: Origin,
+    /// Whether an occlusion was inserted.
+    pub occluded: bool,
+    /// Reports from the second frame on.
+    pub frames: Vec<Judged>,
 }
 
 impl Judged {

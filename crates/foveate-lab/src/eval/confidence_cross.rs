@@ -1,8 +1,8 @@
 //! P(lost) tested on tracks that it was not fitted on: each group of videos (a half, a source) with a model fitted without it.
 
 use super::choice::GroupOf;
+use super::confidence::Judgement;
 use super::confidence::{ConfidenceScore, Judged};
-use super::confidence_fit::Judgement;
 use super::table::aligned;
 use foveate_base::Result;
 use foveate_core::control::ConfidenceModel;

@@ -1,7 +1,6 @@
 //! Fits a [`ConfidenceModel`] on tracks with ground truth. `confidence_cross.rs` tests it on others.
 
-use super::catalogue::Origin;
-use super::confidence::Judged;
+use super::confidence::{Judged, Judgement};
 use super::localisation_fit::fit_localisation;
 use crate::hide::Hide;
 use foveate_base::Result;
@@ -11,7 +10,6 @@ use foveate_core::control::{AGREEMENT, ConfidenceModel, OWN, SecondTrackerWeight
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_learn::softmax::{Fit, Softmax};
-use serde::{Deserialize, Serialize};
 
 /// L2 penalty of the weights, in standard deviations of the cues. A weaker penalty fits the training tracks better, but a tracker that
 /// searches with the result loses the target more often.
@@ -19,19 +17,6 @@ const L2: f64 = 0.03;
 
 /// For videos with an inserted occlusion, only one of this many frames counts.
 const RARER: usize = 5;
-
-/// One tracker on one video.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Judgement {
-    /// The video's name.
-    pub video: String,
-    /// Its origin: tracks of one half, or of one source, are left out together.
-    pub origin: Origin,
-    /// Whether an occlusion was inserted.
-    pub occluded: bool,
-    /// Reports from the second frame on.
-    pub frames: Vec<Judged>,
-}
 
 /// Follows a video with random access to frames up to `last`, with or without an inserted occlusion; the truth is that of the resulting
 /// video.

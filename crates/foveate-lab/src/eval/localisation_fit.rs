@@ -1,7 +1,6 @@
 //! Fits how the covariance of the reported place follows from its evidence, on tracks with ground truth.
 
-use super::confidence::{Judged, REGIONS, coverage};
-use super::confidence_fit::Judgement;
+use super::confidence::{Judged, Judgement, REGIONS, coverage};
 use foveate_base::{Error, Result};
 use foveate_core::control::{ConfidenceModel, Localisation};
 use foveate_core::seen::log_density;
