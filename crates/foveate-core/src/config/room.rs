@@ -8,7 +8,7 @@ use crate::multi::MemoryEstimate;
 use foveate_base::{Error, Result, memory};
 
 /// What a target keeps whatever its settings are; the colour model; what looking needs whatever the settings are.
-const FIXED: u64 = 28 << 10;
+const FIXED: u64 = (28 << 10) + 256;
 const COLOURS: u64 = 128 << 10;
 const VIEWS: u64 = 2 << 20;
 /// Numbers that a particle takes beside its state while it is looked at.

@@ -41,7 +41,8 @@ impl Ballot {
 /// Counts ballots, and keeps the status of the track.
 #[derive(Clone, Debug)]
 pub struct Vote {
-    rule: ConfidenceModel,
+    /// After so many lost frames a target is called lost.
+    patience: usize,
     pub(crate) state: VoteState,
 }
 
@@ -55,17 +56,21 @@ pub(crate) struct VoteState {
 impl Vote {
     /// A vote of which nothing was counted yet. `model` is a member's: a lost target is called so after its `patience`.
     pub fn new(model: &ConfidenceModel) -> Self {
-        let rule = ConfidenceModel {
+        Self { patience: model.patience, state: VoteState::default() }
+    }
+
+    /// The rule by which the vote calls a target lost and found. Only a committee needs it; every target keeps a vote.
+    fn rule(&self) -> ConfidenceModel {
+        ConfidenceModel {
             enter: OUT,
             leave: FOUND,
             notice: 1,
             confirm: 1,
             surest: 1.0,
             status: StatusThresholds { enter: OUT, leave: FOUND },
-            patience: model.patience,
+            patience: self.patience,
             ..ConfidenceModel::default()
-        };
-        Self { rule, state: VoteState::default() }
+        }
     }
 
     /// Forgets the past: the target was just given.
@@ -100,8 +105,9 @@ impl Vote {
         // The target is found if a member at the reported box has found it by its own rule.
         let reported = ballots[elected].bbox;
         let found = ballots.iter().any(|b| !b.is_searching && b.is_on(&reported));
-        self.state.search.update(&self.rule, p_lost, !found);
-        (elected, p_lost, self.state.reported.update(p_lost, self.rule.status, self.rule.patience))
+        let rule = self.rule();
+        self.state.search.update(&rule, p_lost, !found);
+        (elected, p_lost, self.state.reported.update(p_lost, rule.status, rule.patience))
     }
 }
 
