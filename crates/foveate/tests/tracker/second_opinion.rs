@@ -3,7 +3,7 @@
 use crate::common::{INIT, frame, natural};
 use foveate::Tracker;
 use foveate::config::Config;
-use foveate::control::CUE_NAMES;
+use foveate::control::{CUE_NAMES, ConfidenceModel, EarlyWeights};
 use foveate::files::Folder;
 use foveate::geometry::BBox;
 
@@ -23,9 +23,11 @@ fn track(mut tracker: Tracker) -> Vec<(BBox, f64, f64)> {
         .collect()
 }
 
-/// The configuration of a pair of few particles.
+/// The configuration of a pair of few particles, without the bound of the first frames, which hides the second opinion.
 fn pair() -> Config {
-    Config { box_regression: None, ..natural(300).config().clone() }
+    let config = natural(300).config().clone();
+    let confidence = ConfidenceModel { early: EarlyWeights::default(), ..config.confidence };
+    Config { box_regression: None, confidence, ..config }
 }
 
 fn tracker(config: Config) -> Tracker {
