@@ -109,7 +109,7 @@ mod tests {
         let mut frame = |i: usize| {
             let (r, turn) = (credible(rng.random::<f64>()).sqrt(), std::f64::consts::TAU * rng.random::<f64>());
             let (spread, error) = ([0.2, 0.4, 0.6][i / 3 % 3], errors[i % 3]);
-            let (belief, ess) = ([spread * spread, 0.0, spread * spread], if i % 7 == 0 { 1.0 } else { 20.0 });
+            let (belief, ess) = ([spread * spread, 0.0, spread * spread], if i.is_multiple_of(7) { 1.0 } else { 20.0 });
             let place = PlaceEvidence { belief, errors: [error, error], ess, unit: 10.0 };
             let [xx, xy, yy] = known.localisation.place(known.localisation_noise, &place);
             assert_eq!(xy, 0.0, "an upright belief");

@@ -155,9 +155,8 @@ mod tests {
             assert!(covariance[k][k] > 0.0, "pivot {k}: {}", covariance[k][k]);
             for i in k + 1..7 {
                 let factor = covariance[i][k] / covariance[k][k];
-                for j in k..7 {
-                    covariance[i][j] -= factor * covariance[k][j];
-                }
+                let pivot = covariance[k];
+                covariance[i].iter_mut().zip(pivot).skip(k).for_each(|(entry, above)| *entry -= factor * above);
             }
         }
     }

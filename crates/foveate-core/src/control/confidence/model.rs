@@ -128,9 +128,9 @@ pub struct AbsenceWeights {
     pub bias: f64,
 }
 
-/// A lower bound on the reported P(lost) while the reference is young: logit `change` · max(0, *colour* − *margin*) + `absence` · *absence*
-/// + `bias`. In the first frames nothing is usual yet, and two trackers that have lost the target may agree on the ground below it. If the
-/// colours have changed and other places fit as well as the estimate, the target has probably gone.
+/// A lower bound on the reported P(lost) while the reference is young: the logit is `bias` + `change` · max(0, *colour* − *margin*) +
+/// `absence` · *absence*. In the first frames nothing is usual yet, and two trackers that have lost the target may agree on the ground
+/// below it. If the colours have changed and other places fit as well as the estimate, the target has probably gone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EarlyWeights {
