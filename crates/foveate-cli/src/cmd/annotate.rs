@@ -17,7 +17,7 @@ use foveate::video::{Decoder, Options, SourceInfo, open_with};
 use foveate::{BBox, Error, Result, files};
 use rayon::prelude::*;
 
-use super::configure::{Changes, Profile, config_name, read};
+use super::configure::Choice;
 use super::convert::{Boxes, Format, KeyFrames};
 use super::of_file;
 use super::results::{Ended, Results};
@@ -62,17 +62,8 @@ pub(crate) struct Args {
     /// Output folder: the boxes, check.csv, check.html, and run.json, which lists the files
     #[arg(long, short, value_name = "DIR", default_value = "annotated")]
     out: PathBuf,
-    /// Configuration file, or the name of a shipped configuration; default: natural
-    #[arg(long, short, value_name = "FILE|NAME")]
-    config: Option<String>,
-    /// Trade-off between speed and accuracy, if no configuration is given
-    #[arg(long, value_enum, conflicts_with = "config")]
-    profile: Option<Profile>,
     #[command(flatten)]
-    changes: Changes,
-    /// Random seed; the same seed gives the same boxes. Default: the configuration's seed
-    #[arg(long)]
-    seed: Option<u64>,
+    choice: Choice,
     /// Video decoder; auto uses ffmpeg if it is installed and faster
     #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
     decoder: Decoder,
@@ -90,23 +81,25 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let options = Options { decoder: args.decoder, ..Options::default() };
     let about = open_with(&args.source, &options)?.info().clone();
     let boxes = Boxes::read_of_size(args.format, &args.keyframes, Some(about.size()))?;
-    let name = config_name(args.config.as_deref(), args.profile);
-    let (config, folder) = read(name, &args.changes)?;
-    let blueprint = config.check(&folder)?;
+    let (blueprint, seed) = args.choice.blueprint()?;
     if blueprint.config().multi_target.is_some() {
-        return Err(Error::Config(format!("{name} tracks many targets together; give a configuration of one target")));
+        return Err(Error::Config(format!(
+            "{} tracks many targets together; give a configuration of one target",
+            args.choice.name()
+        )));
     }
-    let frames = frames(&args, &options, &about, &boxes)?;
-    let targets = targets(&args.keyframes, boxes.key_frames(), frames, &about)?;
+    let keys = boxes.key_frames();
+    let frames = frames(&args, &options, &about, &keys)?;
+    let targets = targets(&args.keyframes, keys, frames, &about)?;
     let file = file_name(args.to.unwrap_or(args.format));
     let inputs: Vec<&Path> = [&args.source, &args.keyframes]
         .map(PathBuf::as_path)
         .into_iter()
-        .chain(args.config.as_deref().map(Path::new))
+        .chain(args.choice.config.as_deref().map(Path::new))
         .collect();
     let results = Results::begin(&args.out, &[file, CHECKS, PAGE], &inputs)?;
     terminal::catch_interrupts();
-    let spans = track(&args, &options, &about, &blueprint, &targets)?;
+    let spans = track(&args, &options, &about, (&blueprint, seed), &targets)?;
     let checks = check_first(&spans, LISTED);
     let names = names(&boxes, &targets);
     let verdict = verdict(&spans, &checks);
@@ -137,7 +130,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
 }
 
 /// The number of frames of the video: as its container or folder states it, or else counted.
-fn frames(args: &Args, options: &Options, about: &SourceInfo, boxes: &Boxes) -> Result<usize> {
+fn frames(args: &Args, options: &Options, about: &SourceInfo, keys: &BTreeMap<i64, KeyFrames>) -> Result<usize> {
     let frames = match about.exact_frames() {
         Some(frames) => frames,
         None => {
@@ -145,19 +138,15 @@ fn frames(args: &Args, options: &Options, about: &SourceInfo, boxes: &Boxes) -> 
             source.try_fold(0, |count, frame| frame.map(|_| count + 1))?
         }
     };
-    let last = boxes.key_frames().values().filter_map(|keys| keys.keys().next_back()).max().copied();
-    match last {
-        Some(last) if last >= frames && !(last == frames && ends_after(boxes, last)) => Err(Error::malformed(
+    // A target may end in the frame after the last one.
+    let late = |(frame, bbox): &(&usize, &Option<BBox>)| **frame > frames || (**frame == frames && bbox.is_some());
+    match keys.values().flatten().filter(late).map(|(frame, _)| *frame).max() {
+        Some(last) => Err(Error::malformed(
             &args.keyframes,
             format!("a box is in frame {}, and {} has {}", last + 1, args.source.display(), counted(frames, "frame")),
         )),
-        _ => Ok(frames),
+        None => Ok(frames),
     }
-}
-
-/// Whether only the ends of targets, not their boxes, lie in this frame.
-fn ends_after(boxes: &Boxes, frame: usize) -> bool {
-    boxes.key_frames().values().all(|keys| keys.get(&frame).is_none_or(Option::is_none))
 }
 
 /// Checks the key frames, and cuts the life of each target into stretches between them.
@@ -213,7 +202,7 @@ fn track(
     args: &Args,
     options: &Options,
     about: &SourceInfo,
-    blueprint: &Blueprint,
+    (blueprint, seed): (&Blueprint, u64),
     targets: &[Target],
 ) -> Result<Vec<Span>> {
     let all = || targets.iter().flat_map(|target| &target.stretches);
@@ -223,7 +212,7 @@ fn track(
         path: &args.source,
         options: options.clone(),
         blueprint,
-        seed: args.seed.unwrap_or(blueprint.config().seed),
+        seed,
         room: room(about.width, about.height, targets.len().min(rayon::current_num_threads())),
         progress: &|| bar.inc(1),
     };

@@ -5,7 +5,7 @@ use std::path::Path;
 use clap::builder::PossibleValuesParser;
 pub(crate) use foveate::config::POLICIES;
 
-use foveate::config::Config;
+use foveate::config::{Blueprint, Config};
 use foveate::files::Folder;
 use foveate::lab::eval::catalogue::Half;
 use foveate::{Error, Result};
@@ -82,6 +82,37 @@ impl Changes {
         let policy = self.policy.iter().map(|policy| format!("policy {policy}"));
         let all: Vec<String> = std::iter::once(name.to_owned()).chain(policy).chain(self.set.iter().cloned()).collect();
         all.join(", ")
+    }
+}
+
+/// The configuration and the seed of a command that tracks.
+#[derive(clap::Args)]
+pub(crate) struct Choice {
+    /// Configuration file, or the name of a shipped configuration; default: natural
+    #[arg(long, short, value_name = "FILE|NAME")]
+    pub config: Option<String>,
+    /// Trade-off between speed and accuracy, if no configuration is given
+    #[arg(long, value_enum, conflicts_with = "config")]
+    profile: Option<Profile>,
+    #[command(flatten)]
+    changes: Changes,
+    /// Random seed; the same seed gives the same boxes. Default: the configuration's seed
+    #[arg(long)]
+    seed: Option<u64>,
+}
+
+impl Choice {
+    /// Returns the name or the file of the configuration.
+    pub(crate) fn name(&self) -> &str {
+        config_name(self.config.as_deref(), self.profile)
+    }
+
+    /// Returns the checked configuration and the seed.
+    pub(crate) fn blueprint(&self) -> Result<(Blueprint, u64)> {
+        let (config, folder) = read(self.name(), &self.changes)?;
+        let blueprint = config.check(&folder)?;
+        let seed = self.seed.unwrap_or(blueprint.config().seed);
+        Ok((blueprint, seed))
     }
 }
 

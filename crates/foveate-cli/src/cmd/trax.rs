@@ -12,7 +12,7 @@ use foveate::text::counted;
 use foveate::video::read_image;
 use foveate::{BBox, Error, Result, Tracker, memory};
 
-use super::configure::{Changes, Profile, config_name, read};
+use super::configure::Choice;
 use message::Message;
 
 /// Maximum number of objects in a session; each has its own tracker.
@@ -27,27 +27,15 @@ const MOST: usize = 256;
 /// tracker.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Configuration file, or the name of a shipped configuration; default: natural
-    #[arg(long, short, value_name = "FILE|NAME")]
-    config: Option<String>,
-    /// Trade-off between speed and accuracy, if no configuration is given
-    #[arg(long, value_enum, conflicts_with = "config")]
-    profile: Option<Profile>,
     #[command(flatten)]
-    changes: Changes,
-    /// Random seed. Default: the configuration's seed
-    #[arg(long)]
-    seed: Option<u64>,
+    choice: Choice,
     /// Accept several objects: version 4 of the protocol
     #[arg(long)]
     objects: bool,
 }
 
 pub(crate) fn run(args: Args) -> Result<()> {
-    let name = config_name(args.config.as_deref(), args.profile);
-    let (config, folder) = read(name, &args.changes)?;
-    let blueprint = config.check(&folder)?;
-    let seed = args.seed.unwrap_or(blueprint.config().seed);
+    let (blueprint, seed) = args.choice.blueprint()?;
     // Other messages go to standard error.
     crate::terminal::give_output();
     let mut output = std::io::stdout().lock();
