@@ -13,9 +13,9 @@ pub struct Column {
     pub name: &'static str,
     /// Its unit; empty for numbers without one, flags and texts.
     pub unit: &'static str,
-    /// What the count starts at, for indices and coordinates.
+    /// The first number, for indices and coordinates.
     pub from: Option<u8>,
-    /// What it means, its range, and when it is empty.
+    /// Its meaning, its range, and when it is empty.
     pub meaning: &'static str,
 }
 
@@ -26,6 +26,12 @@ impl Column {
     const fn counted(from: u8, name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
         Self { name, unit, from: Some(from), meaning }
     }
+
+    /// Returns whether `other` is this column, perhaps inside another key, as `estimate.x` is `x`.
+    fn is_inside(&self, other: &Self) -> bool {
+        let name = other.name.rsplit('.').next();
+        name == Some(self.name) && (self.unit, self.from, self.meaning) == (other.unit, other.from, other.meaning)
+    }
 }
 
 /// A file and its columns.
@@ -33,7 +39,7 @@ impl Column {
 pub struct OutputFile {
     /// Its usual name.
     pub name: &'static str,
-    /// What one line of it is.
+    /// The content of one line.
     pub line: &'static str,
     /// Its columns, in order.
     pub columns: &'static [Column],
@@ -360,11 +366,12 @@ pub const TRACE: &[Column] = &[
 ];
 
 /// The dictionary of all files, as Markdown: a heading, a sentence and a table for each file. The covariances are one row. Columns that
-/// an earlier file has, with the same unit and meaning, are named in a sentence.
+/// an earlier file has, with the same unit and meaning, perhaps inside another key, are named in a sentence.
 pub fn dictionary() -> String {
     let mut text = String::new();
     for (at, file) in FILES.iter().enumerate() {
-        let earlier = |column: &&Column| FILES[..at].iter().find(|other| other.columns.contains(column));
+        let has = |other: &OutputFile, column: &Column| other.columns.iter().any(|o| o.is_inside(column));
+        let earlier = |column: &&Column| FILES[..at].iter().find(|other| has(other, column));
         let _ = write!(text, "## `{}`\n\n{}\n\n", file.name, file.line);
         for other in &FILES[..at] {
             let shared = file.columns.iter().filter(|column| earlier(column).is_some_and(|o| o.name == other.name));

@@ -1,4 +1,4 @@
-//! The report pages in a browser, where there is one, and what a policy with a single gaze leaves out.
+//! The report pages in a browser, if there is one, and the parts that a policy with a single gaze leaves out.
 
 #[cfg(unix)]
 #[path = "../../foveate-cli/tests/browser/mod.rs"]

@@ -1,4 +1,4 @@
-//! What a configuration file may say: names of parts, and their numbers.
+//! The content of a configuration file: names of parts, and their numbers.
 
 use serde::{Deserialize, Serialize};
 
@@ -80,17 +80,17 @@ pub struct Config {
     /// The colour model: colours of the target against those of its surroundings, learned while tracking. Off unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub colour: Option<colour::Settings>,
-    /// Training of the first layer, an RBM, while tracking. Off unless given.
+    /// Trains the first layer, an RBM, while tracking.
     #[cfg(feature = "learn")]
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub online_training: Option<crate::identity::online::Settings>,
     /// The box regression: it moves the reported box to the borders of the target. Off unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub box_regression: Option<box_regression::Settings>,
-    /// Where it looks for what the target could be mistaken for; among the particles only unless given.
+    /// The search for distractors; among the particles only unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub distractors: Option<DistractorSettings>,
-    /// What is read of each picture; all of it unless given.
+    /// The sensor that limits reads of each picture; all of it unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub sensor: Option<crate::scene::SensorSettings>,
     /// πₜ.
@@ -108,8 +108,7 @@ pub struct Config {
     /// Number of trackers of this configuration that follow the target and vote, 1 to 64.
     #[serde(default = "alone", skip_serializing_if = "is_alone", deserialize_with = "committee")]
     pub committee: usize,
-    /// Configuration of a second tracker of the same target, a file or `builtin:NAME`. The reported P(lost) depends
-    /// on how well both boxes agree.
+    /// Configuration of a second tracker of the target, a file or `builtin:NAME`. Its agreement changes the reported P(lost).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_opinion: Option<String>,
     /// The recogniser; left out, nothing is recognised.

@@ -19,7 +19,7 @@ impl<T> Kept<T> {
     pub(super) fn new(most: usize) -> Self {
         Self { items: vec![], every: 1, most, bytes: 0 }
     }
-    /// Returns whether a row is to be kept.
+    /// Returns whether to keep a row.
     pub(super) fn keeps(&self, row: usize) -> bool {
         row.is_multiple_of(self.every)
     }

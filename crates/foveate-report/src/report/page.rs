@@ -263,7 +263,7 @@ impl Page {
         })
     }
 
-    /// Adds what is known at the end of the run: the tracking time, and the warnings.
+    /// Adds the facts of the end of the run: the tracking time, and the warnings.
     pub(super) fn end(&mut self, info: &RunInfo) {
         self.seconds = info.clock.total().as_secs_f64();
         self.info["warnings"] = json!(info.warnings.all());

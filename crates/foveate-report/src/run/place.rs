@@ -13,7 +13,7 @@ pub fn touches(b: &BBox, image: &Image) -> bool {
 /// Checks that a target of this video can have the box; `what` names the box in the error.
 ///
 /// # Errors
-/// [`Error::Invalid`], with the box and what was expected.
+/// [`Error::Invalid`], with the box and the expectation.
 pub fn check_box(what: &str, b: &BBox, info: &SourceInfo) -> Result<()> {
     let (w, h) = (info.width as f64, info.height as f64);
     let numbers = [b.x, b.y, b.w, b.h];

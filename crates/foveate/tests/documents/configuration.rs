@@ -16,7 +16,7 @@ likelihood = { distance = "cosine", sharpness = 1.0 }
 policy = { kind = "fixed" }
 "#;
 
-/// What a section is for and when to change it: the first words of its reference.
+/// The purpose of a section, and when to change it: the first words of its reference.
 const INTRODUCTIONS: [(&str, &str); 23] = [
     ("resampling", "The selection step of the particle filter."),
     (
@@ -60,8 +60,8 @@ const INTRODUCTIONS: [(&str, &str); 23] = [
     ),
     (
         "box_regression",
-        "A small convolutional network that moves the reported box to the target's borders. The filter does not use it; P(lost) uses it as \
-         `[confidence]` says.",
+        "A small convolutional network that moves the reported box to the target's borders. Its estimate of presence is a cue of P(lost) \
+         (`[confidence]`).",
     ),
     (
         "distractors",
@@ -165,7 +165,7 @@ fn section(items: &[Item], name: &str, item: &Item) -> String {
     }
 }
 
-/// Values for what must be given.
+/// Values for required keys.
 fn dummies(items: &[Item], fields: &[Field]) -> Table {
     let value = |field: &Field| match field.kind.as_str() {
         "String" => Value::String("FILE".into()),
@@ -249,15 +249,15 @@ impl Part<'_> {
         let docs = sentence(&field.docs);
         let (kind, docs) = match range {
             Some(range) => {
-                let plain = docs.strip_suffix(&format!(", {range}.")).map(|rest| format!("{rest}."));
-                (format!("{kind}, {range}"), plain.unwrap_or(docs))
+                let docs = without_range(&docs, &range);
+                (format!("{kind}, {range}"), docs)
             }
             None => (kind.into(), docs),
         };
         [format!("`{key}`"), kind, default, docs]
     }
 
-    /// What a value is where it is left out: the configuration read, and written out.
+    /// The default of a key: the configuration read, and written out.
     fn default(&self, key: &str) -> Option<Value> {
         let path: Vec<&str> = self.path.iter().map(String::as_str).chain(key.split('.')).collect();
         let find = |whole: Table| {
@@ -296,7 +296,7 @@ impl Part<'_> {
         })
     }
 
-    /// What the words of an enum mean.
+    /// The meanings of the words of an enum.
     fn words(&self, field: &Field) -> String {
         match resolve(self.items, &field.kind) {
             Some(Item { body: Body::Enum(variants), tagged: false, .. }) => {
@@ -313,6 +313,21 @@ impl Part<'_> {
     }
 }
 
+/// The text without the range that the line has already: `, 0.001 to 1` or `, above 0 to 1` before a full stop, colon, comma or semicolon.
+fn without_range(docs: &str, range: &str) -> String {
+    let (least, most) = range.trim_start_matches("above ").split_once(" to ").expect("a range has two ends");
+    let above = format!("above 0 to {most}");
+    let open = least.parse().is_ok_and(|least: f64| least <= 1e-3) && least != "0";
+    let spellings = [range, if open { &above } else { range }];
+    let mut text = docs.to_owned();
+    for (spelling, mark, end) in spellings.iter().flat_map(|s| [",", ";"].map(|mark| (s, mark))).flat_map(|(s, mark)| {
+        [".", ":", ",", ";"].map(|end| (s, mark, end))
+    }) {
+        text = text.replacen(&format!("{mark} {spelling}{end}"), end, 1);
+    }
+    text
+}
+
 /// A variant as a configuration has it.
 fn spelled(variant: &Variant) -> String {
     if variant.fields.is_empty() {
@@ -322,7 +337,7 @@ fn spelled(variant: &Variant) -> String {
     format!("`{{ {} = {{ {} }} }}`", variant.name, fields.join(", "))
 }
 
-/// `A to B` in an error: two numbers about the word, and `above` or `below` where they say so.
+/// `A to B` in an error: two numbers about the word, and `above` or `below` if the error has them.
 fn interval(error: &str) -> Option<String> {
     let words: Vec<&str> = error.split_whitespace().collect();
     let number = |word: &str| word.trim_end_matches([';', ',', ')', '.']).parse::<f64>().ok();
