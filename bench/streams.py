@@ -49,7 +49,7 @@ def ffmpeg(args, **more):
 
 
 def sender(args, folder, delay=0.0):
-    """Sends, again and again until somebody takes it once."""
+    """Sends repeatedly until a receiver takes it once."""
     def work():
         time.sleep(delay)
         for _ in range(100):

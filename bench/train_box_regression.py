@@ -43,7 +43,7 @@ from PIL import Image
 from sequences import sequences
 
 SIDE, COARSE, REACH = 64, 32, 2.0  # cells and coarse cells of a picture along a side; half sides of the box that they reach
-KEPT, BOXES = 160, 5  # pixels along a side of what is kept of a frame, and how many boxes they cover
+KEPT, BOXES = 160, 5  # pixels along a side of the stored part of a frame, and how many boxes they cover
 PHOTO = (481, 321)
 BINS = 8
 uniform, normal = torch.rand, torch.randn
@@ -55,7 +55,7 @@ FINE = ((torch.arange(16) + 0.5) / 16 * 2 - 1).to(DEVICE) * 2.5  # where the pla
 
 
 def surroundings(image, box):
-    """The box and what is around it, KEPT x KEPT pixels of BOXES boxes; outside the picture its border goes on."""
+    """The box and its surroundings, KEPT x KEPT pixels of BOXES boxes; outside the picture its border is repeated."""
     x, y, width, height = box
     finer = max(1, min(4, int(np.ceil(max(width, height) * BOXES / KEPT))))
     at = ((np.arange(KEPT * finer) + 0.5) / finer - KEPT / 2) / KEPT * BOXES
@@ -65,7 +65,7 @@ def surroundings(image, box):
 
 
 def tracks(data, more, half):
-    """Of each sequence: its kind, what is kept of its frames and of its masks, and widths and heights of the true boxes."""
+    """For each sequence: its kind, the stored parts of its frames and masks, and widths and heights of the true boxes."""
     out = []
     for name, kind, folder, files, truth in sequences(data, half, more):
         masks = cv2.imread(f"{folder}/mask.png", cv2.IMREAD_GRAYSCALE) if os.path.exists(f"{folder}/mask.png") else None

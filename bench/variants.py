@@ -205,7 +205,7 @@ def overlapped(box, others):
 
 
 def from_where_it_is_alone(run, boxes, targets):
-    """The frames of a run from the first of five on in which nobody else's box overlaps a quarter of the target's."""
+    """The frames of a run from the first of five on in which no other box overlaps a quarter of the target's."""
     def alone(frame):
         others = [other[frame] for other in targets.values() if other is not boxes and frame in other]
         return overlapped(boxes[frame], others) < 0.25

@@ -58,7 +58,7 @@ class Folders:
 
 
 def experiment(root: str | Path, out: str | Path) -> ExperimentOTB:
-    """The toolkit's OTB experiment on folders of yours: its constructor knows its own lists only, and downloads them."""
+    """The toolkit's OTB experiment on folders of yours: the toolkit's constructor has its own lists only, and downloads them."""
     made = ExperimentOTB.__new__(ExperimentOTB)
     made.dataset = Folders(root)
     made.result_dir, made.report_dir = os.path.join(out, "results"), os.path.join(out, "reports")

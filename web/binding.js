@@ -26,7 +26,7 @@ export async function load(source, readFile) {
       memory(at + text.length, bytes.length).set(bytes);
       return answer(wasm.call(text.length));
     },
-    // The answer to a message; what cannot be done is thrown.
+    // The answer to a message; failures are thrown.
     ask(message) {
       put(encoder.encode(JSON.stringify(message)));
       const answered = answer(wasm.ask());

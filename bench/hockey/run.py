@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Players of hockey.mp4 found, followed and told apart by team, against truth labelled by hand (README.md beside this file).
+"""Detects, tracks and classifies the players of hockey.mp4, and compares with hand labels (README.md beside this file).
 
 Usage:
   pip install opencv-contrib-python-headless
@@ -90,7 +90,7 @@ class Bench:
         self.first = {}
         for row in self.truth:
             self.first.setdefault(row[1], row)
-        # Frames whose boxes are given judge nobody's tracking.
+        # Frames with given boxes do not count.
         given = {row[0] for row in self.first.values()}
         self.later = [row for row in self.truth if row[0] not in given]
         os.makedirs(self.out, exist_ok=True)
@@ -242,7 +242,7 @@ class Bench:
         columns |= {f"shot {n} at 0.5": f"shot{n} 0.5" for n in (1, 2, 3)} | {"kept, of 5": "kept"}
         self.table("Followed", names, columns)
 
-    # Told apart.
+    # Classes.
 
     def learn(self, name, shots, config):
         """A recogniser of the boxes of these shots."""

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares who is looked at first, where boxes come in some frames only and looks are few (docs/looking.md).
+"""Compares the orders of looks if boxes come in some frames only and looks are few (docs/looking.md).
 
 Usage:
   bench/mot/attention.py --data data/mot --every 10 --out out-attention       # python3 alone; foveate is on the PATH, or --foveate

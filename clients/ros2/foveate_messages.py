@@ -66,7 +66,7 @@ class Follower:
         self.frames, self.arrived, self.error = 0, -math.inf, ""
 
     def image(self, message: Any, now: float) -> Tracked | None:
-        """Takes a sensor_msgs/Image at a time in seconds. None for one that cannot be used: `error` says why."""
+        """Takes a sensor_msgs/Image at a time in seconds. None for an unusable one: `error` has the reason."""
         self.arrived, self.seen, self.error = now, None, ""
         try:
             pixels, channels = picture(message)

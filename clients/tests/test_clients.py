@@ -1,4 +1,4 @@
-"""Every client against the real package; without that the test is skipped, and says so.
+"""Every client against the real package; without that the test is skipped with a reason.
 
 `FOVEATE` names the program; else it is looked for in PATH.
 """
@@ -152,7 +152,7 @@ def test_cvat() -> None:
     for t in range(1, 8):
         state = json.loads(json.dumps(state))
         found = function.track(None, image(t), state)
-        # A tracker that stays in memory says the same.
+        # A tracker that stays in memory gives the same results.
         assert found.type == "rectangle" and tuple(found.points) == tracker.update(drawn(t)).box.xyxy
     noise = np.random.default_rng(1).integers(0, 60, (40, 120, 160, 3)).astype(np.uint8)
     answers = [function.track(None, picture, state) for picture in noise]

@@ -297,7 +297,7 @@ def test_diagnostics_report_the_status_and_missing_pictures() -> None:
 
 
 class Stub(types.SimpleNamespace):
-    """rclpy's Node, as far as the node uses it: it records what is published."""
+    """rclpy's Node, as far as the node uses it: it records the published messages."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name=name, parts={}, published={}, errors=[])

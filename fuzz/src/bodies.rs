@@ -1,4 +1,4 @@
-//! What is fuzzed: a function of bytes for each border that hostile bytes can reach. None may panic, and none may take more than a
+//! The fuzzed functions: a function of bytes for each border that hostile bytes can reach. None may panic, and none may take more than a
 //! second or more memory than the limit.
 //!
 //! They are called by `fuzz_targets/` (libFuzzer, nightly) and by `crates/foveate-cli/tests/fuzz.rs` (stable: the stored corpus in every
@@ -150,12 +150,12 @@ fn picture(t: u8) -> Image {
     Image::new(SIDE, SIDE, 3, (0..3 * SIDE * SIDE).map(pixel).collect()).expect("whole")
 }
 
-/// Saved trackers, of one target and of many, which then go on.
+/// Saved trackers, of one target and of many, which then continue.
 pub(crate) fn states(bytes: &[u8]) {
     goes_on(bytes);
 }
 
-/// Whether it is a saved tracker, or many: then it goes on.
+/// Whether it is a saved tracker of one target or of many; if so, it continues.
 pub(crate) fn goes_on(bytes: &[u8]) -> bool {
     let Ok(state) = serde_json::from_slice(bytes) else { return false };
     let start = || one().tracker(1).expect("parts that fit");
@@ -206,7 +206,7 @@ pub(crate) fn mot(bytes: &[u8]) {
 pub(crate) fn boxes(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let path = Path::new("fuzz.txt");
-    // At the largest numbers, what is counted from 1 is too large.
+    // At the largest numbers, a count from 1 overflows.
     let sane =
         |boxes: &[Option<BBox>]| boxes.iter().flatten().all(|b| [b.x, b.y, b.w, b.h].iter().all(|x| x.abs() < 1e6));
     if let Some(boxes) = annotation::parse_boxes(text, path).ok().filter(|boxes| sane(boxes)) {

@@ -1,4 +1,4 @@
-"""Follow a square that moves, and say where it is and how sure that is."""
+"""Follow a moving square, and print its box and P(lost)."""
 
 import numpy as np
 import numpy.typing as npt

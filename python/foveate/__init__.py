@@ -5,7 +5,7 @@
 >>> tracker
 <foveate.Tracker seed=1 channels=bgr, no target yet>
 
-You give a box in the first picture (``tracker.init(image, box)``); every later picture (``tracker.update(image)``) answers a
+You give a box in the first picture (``tracker.init(image, box)``); every later picture (``tracker.update(image)``) returns a
 :class:`Result` with the box, its covariance, a status, and the probability that the target is lost. :class:`MultiTracker` follows
 many.
 """

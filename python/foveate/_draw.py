@@ -20,7 +20,7 @@ _Colour = tuple[int, int, int]
 
 _TARGET: _Colour = (57, 182, 255)
 _GUESS: _Colour = (255, 122, 56)
-# Colours that are told apart, also by the colour-blind (Okabe and Ito).
+# Colours that also the colour-blind can distinguish (Okabe and Ito).
 _IDS: tuple[_Colour, ...] = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0), (204, 121, 167))
 
 
@@ -33,14 +33,14 @@ def draw(
     id: int | str | None = None,
     channels: _Channels | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """A copy of a picture with what was found in it: box, particles, trail and id.
+    """A copy of a picture with the result drawn: box, particles, trail and id.
 
     Parameters
     ----------
     image : uint8 array, (height, width) or (height, width, channels)
-        The picture; it stays as it is.
+        The picture; it is not changed.
     seen : Result or Targets
-        What the tracker answered for it. Boxes that are guesses have another colour.
+        The tracker's result for it. Boxes that are guesses have another colour.
     trail : results, targets or boxes, optional
         Those of earlier pictures, in order: a line through their centres.
     particles : bool

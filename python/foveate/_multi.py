@@ -56,7 +56,7 @@ class Targets:
     """
 
     ids: npt.NDArray[np.int64]
-    """Who it is, shape (n,); never used twice."""
+    """Ids, shape (n,); never used twice."""
     boxes: Floats
     """Left, top, width, height; pixels from 0, shape (n, 4)."""
     phases: list[str]

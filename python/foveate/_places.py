@@ -36,7 +36,7 @@ def _reached(address: str) -> Iterator[tuple[Any, str]]:
         needs = "needs the package fsspec, and one for this kind of address, such as s3fs"
         raise FileError(f"{address} {needs}: {error}") from None
     try:
-        # What was listed before may have changed.
+        # The folder may have changed since it was listed.
         files.invalidate_cache()
         yield files, path
     except Exception as error:

@@ -1,4 +1,4 @@
-"""What is known of the target in one picture."""
+"""The result of one picture."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ LOG = logging.getLogger("foveate")
 
 
 class Result(tuple[bool, Box]):
-    """What is known of the target in one picture; made by :meth:`Tracker.update`.
+    """The result of one picture, from :meth:`Tracker.update`.
 
-    It is OpenCV's answer, a tuple of ``ok`` and ``box``, with more to it:
+    It is a tuple of ``ok`` and ``box``, as OpenCV's, with attributes:
 
     >>> import numpy as np, foveate
     >>> image = np.random.default_rng(1).integers(0, 256, (120, 160), dtype=np.uint8)
@@ -64,7 +64,7 @@ class Result(tuple[bool, Box]):
 
     @property
     def p_lost(self) -> float:
-        """The probability, 0 to 1, that the box is not on the target (IoU below 0.1) or the target not to be seen."""
+        """The probability, 0 to 1, that the box is not on the target (IoU below 0.1) or that the target is not visible."""
         return self._estimate.p_lost
 
     @property

@@ -15,7 +15,7 @@ from .errors import InputError
 
 
 def track(tracker: Tracker, source: object, box: Sequence[float] | None, progress: bool | None) -> Iterator[Result]:
-    """What :meth:`Tracker.track` answers. What is wrong with the arguments is raised here, not at the first picture."""
+    """Returns the results of :meth:`Tracker.track`. Wrong arguments raise here, not at the first picture."""
     if box is None and not tracker.has_target:
         raise InputError("the tracker has no target: give its box in the first picture, track(video, box)")
     opened: Video | None = None
@@ -41,7 +41,7 @@ def _results(
             try:
                 yield seen
             finally:
-                # Who keeps results keeps no pictures.
+                # Stored results hold no pictures.
                 seen.image = None
         LOG.debug("followed the target through %d pictures", progress.count)
 

@@ -1,4 +1,4 @@
-"""Plain answers, as named tuples."""
+"""Results as named tuples."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Box(NamedTuple):
         return self.x, self.y, self.x + self.w, self.y + self.h
 
     def rounded(self) -> tuple[int, int, int, int]:
-        """In whole pixels, as OpenCV's drawing functions want it."""
+        """In whole pixels, as OpenCV's drawing functions need it."""
         return round(self.x), round(self.y), round(self.w), round(self.h)
 
 
 class State(NamedTuple):
-    """What is believed of the target: the mean of the particles, moved by the box regression where there is one."""
+    """The estimated state: the mean of the particles, corrected by the box regression if there is one."""
 
     x: float
     """Centre, pixels."""

@@ -41,5 +41,5 @@ def _one(detections: Any) -> Any:
 
 
 def _is_results(one: Any) -> bool:
-    """Its turned boxes, ``obb``, tell it from other types with boxes."""
+    """Its rotated boxes, ``obb``, identify it among other types with boxes."""
     return hasattr(one, "boxes") and hasattr(one, "obb")

@@ -56,7 +56,7 @@ class _Arms:
 
     @property
     def probabilities(self) -> Floats:
-        """How likely each arm is to be chosen next; shape (k,), sums to 1."""
+        """Probability of choosing each arm next; shape (k,), sums to 1."""
         found = self._policy.probabilities()
         assert found is not None, "a policy with arms shows them"
         return found
@@ -88,7 +88,7 @@ class Hedge(_Arms):
         super().__init__("hedge", arms, gamma, frames, seed)
 
     def tell(self, rewards: npt.ArrayLike) -> None:
-        """What each arm was worth, 0 to 1; shape (k,). One call after each ``ask``."""
+        """Takes the reward of each arm, 0 to 1; shape (k,). One call after each ``ask``."""
         self._policy.tell(_rewards(rewards))
 
 
@@ -116,7 +116,7 @@ class Exp3(_Arms):
         super().__init__("exp3-ix" if implicit else "exp3", arms, gamma, frames, seed)
 
     def tell(self, arm: int, reward: float) -> None:
-        """What the arm that was asked for is worth, 0 to 1."""
+        """Takes the reward of the chosen arm, 0 to 1."""
         if arm != getattr(self, "_asked", arm):
             raise InputError(f"EXP3 learns from the arm that ask returned, {self._asked}; tell was called with arm {arm}")
         self._policy.tell(_rewards([reward]))
@@ -177,7 +177,7 @@ class GpUcb:
         return tuple(self._optimiser.ask())
 
     def tell(self, point: Sequence[float], reward: float) -> None:
-        """The reward of a point, from -1e100 to 1e100: of one that ``ask`` answered, or of another within the bounds."""
+        """The reward of a point, from -1e100 to 1e100: of a point from ``ask``, or of another within the bounds."""
         self._optimiser.tell([float(x) for x in point], float(reward))
 
     @property

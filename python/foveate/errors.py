@@ -1,4 +1,4 @@
-"""The errors of the package. Every text states what was expected, what was found, and what to do."""
+"""The errors of the package. Every text states the expectation, the finding and the remedy."""
 
 
 class Error(Exception):
@@ -6,7 +6,7 @@ class Error(Exception):
 
 
 class InputError(Error, ValueError):
-    """A value given by the caller is not what it must be: a picture's shape, an empty box, a saved state of another version."""
+    """A value from the caller is invalid: a picture's shape, an empty box, a saved state of another version."""
 
 
 class ConfigError(Error, ValueError):
@@ -14,4 +14,4 @@ class ConfigError(Error, ValueError):
 
 
 class FileError(Error, OSError):
-    """A file cannot be read, or is not what it should be."""
+    """A file cannot be read, or has the wrong content."""

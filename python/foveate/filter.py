@@ -32,7 +32,7 @@ Scheme = Literal["multinomial", "stratified", "systematic", "residual"]
 
 
 class Belief(NamedTuple):
-    """What is believed after an observation."""
+    """The belief after an observation."""
 
     mean: Floats
     """Shape (d,)."""
@@ -61,7 +61,7 @@ def resample(
 
 
 class ParticleFilter:
-    """A bootstrap filter: particles move by ``transition`` and are weighed by ``log_likelihood``.
+    """A bootstrap filter: particles move by ``transition`` and are weighted by ``log_likelihood``.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class ParticleFilter:
         self.log_evidence = 0.0
 
     def update(self, observation: Any) -> Belief:
-        """Moves the particles one step and weighs them by an observation."""
+        """Moves the particles one step and weights them by an observation."""
         n = len(self.particles)
         ess = 1 / float(self.weights @ self.weights)
         if self._step > 0 and (self._below >= 1 or ess < self._below * n):

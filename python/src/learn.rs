@@ -156,7 +156,7 @@ fn interruptible<T: Send + 'static>(
     let flag = Arc::clone(&stopped);
     let thread = foveate::thread::start("learning", move || {
         let result = crate::threads::run(|| work(&|| flag.load(Ordering::Relaxed))).and_then(|result| result);
-        // After Ctrl-C nobody receives the result.
+        // After Ctrl-C there is no receiver of the result.
         let _ = done.send(result);
     });
     let thread = thread.or_raise(py)?;

@@ -60,7 +60,7 @@ impl Channels {
     }
 }
 
-/// A picture of Python's that nobody writes to while it is read.
+/// A Python picture that is not written to during the read.
 pub(crate) struct Picture<'py> {
     array: PyReadonlyArrayDyn<'py, u8>,
     channels: Channels,

@@ -16,7 +16,7 @@ pub enum Error {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was being done, for example "cannot read".
+        /// The failed action, for example "cannot read".
         doing: &'static str,
         /// The operating system's answer.
         source: std::io::Error,

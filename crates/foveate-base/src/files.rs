@@ -56,7 +56,7 @@ pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
     if found.len() > most {
         return Err(too_large(found.len()));
     }
-    // It may grow while it is read, or say 0 as files of /proc do.
+    // It may grow during the read, or have length 0, as files of /proc have.
     let mut bytes = Vec::with_capacity(found.len() as usize);
     let file = std::fs::File::open(path).map_err(Error::io(path, "cannot read"))?;
     std::io::Read::read_to_end(&mut std::io::Read::take(file, most + 1), &mut bytes)

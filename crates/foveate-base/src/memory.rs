@@ -54,7 +54,7 @@ pub fn set_limit(bytes: u64) {
 /// Bytes of text such as `512M`, `6G`, `1.5G`.
 ///
 /// # Errors
-/// What was expected, in words.
+/// The expectation, in words.
 pub fn parse(text: &str) -> std::result::Result<u64, String> {
     let wrong = || format!("expected a size such as 512M or 6G, of 16M at least, got \"{}\"", text.escape_debug());
     let (number, unit) = match text.strip_suffix(['G', 'g']) {
@@ -116,7 +116,7 @@ pub fn check_picture(width: usize, height: usize) -> Result<()> {
     given(&what, run / PIXEL * DECODED)
 }
 
-/// What a run on pictures of this size takes, bytes.
+/// The memory of a run on pictures of this size, bytes.
 pub fn of_picture(width: usize, height: usize) -> u64 {
     (width as u64).saturating_mul(height as u64).saturating_mul(PIXEL)
 }
@@ -127,7 +127,7 @@ pub fn shown(bytes: u64) -> String {
     if gib >= 1.0 { format!("{gib:.1} GiB") } else { format!("{mib:.0} MiB") }
 }
 
-/// What the machine has, or the control group (container) that the process is in.
+/// The memory of the machine, or of the process's control group (container).
 fn machine() -> Option<u64> {
     let total = listed("MemTotal:", &std::fs::read_to_string("/proc/meminfo").ok()?)?;
     let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];

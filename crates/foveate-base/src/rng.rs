@@ -46,7 +46,7 @@ impl TryRng for Rng {
     }
 }
 
-/// What a draw is for. Two purposes never share bits.
+/// The purpose of a draw. Two purposes never share bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Purpose {

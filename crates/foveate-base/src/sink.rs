@@ -16,7 +16,7 @@ pub struct Sink {
     file: Option<BufWriter<Target>>,
 }
 
-/// What is written to.
+/// The destination of the writes.
 #[derive(Debug)]
 enum Target {
     Part(Part),
@@ -62,7 +62,7 @@ impl Write for Growing {
 pub struct Memory(Arc<Mutex<Vec<u8>>>);
 
 impl Memory {
-    /// What was written since this was called last.
+    /// The bytes written since the last call.
     pub fn take(&self) -> Vec<u8> {
         std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }

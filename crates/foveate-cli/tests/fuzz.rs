@@ -106,7 +106,7 @@ fn the_corpus_is_taken_without_a_panic() {
     }
 }
 
-/// What no reader takes shows nothing of what comes after reading.
+/// Inputs that no reader accepts do not test the code after reading.
 #[test]
 fn the_states_of_the_corpus_are_states() {
     let ours = ["many.json", "tracker.json"].map(std::ffi::OsStr::new);
@@ -120,7 +120,7 @@ fn the_states_of_the_corpus_are_states() {
     }
 }
 
-/// One number of a state is another: it is refused, or the tracker goes on. An eighth of all numbers and values; the step of 8 and nine values
+/// One number of a state is another: it is refused, or the tracker continues. An eighth of all numbers and values; the step of 8 and nine values
 /// meet every number.
 #[test]
 fn states_with_a_number_that_cannot_be_do_not_panic() {

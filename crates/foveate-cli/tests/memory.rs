@@ -1,4 +1,4 @@
-//! What files, settings and streams ask for is refused before it is taken: each in little memory and time.
+//! Requests of files, settings and streams for too much memory are refused before allocation, in little memory and time.
 #![cfg(target_os = "linux")]
 
 mod place;
@@ -12,7 +12,7 @@ use foveate::scene::Image;
 use foveate::video::{Mp4Writer, encode_jpeg, encode_png};
 use place::Place;
 
-/// The limit given to the program, and what it may take all the same.
+/// The limit given to the program, and its allowed resident memory.
 const ALLOWED: &str = "200M";
 const MOST: u64 = 300;
 /// An optimised build takes a tenth of it; tests may run on a busy machine.
@@ -154,7 +154,7 @@ fn nothing_that_is_asked_for_is_taken_first() {
         refused(&[&train[..], &[&setting]].concat(), &format!("{many} glimpses"));
     }
 
-    // A state of 30 million numbers, and one that goes on after the last number there is.
+    // A state of 30 million numbers, and one whose indices exceed the largest number.
     let state = |next: u64, tracker: &str| {
         format!("{{\"next_frame\":{next},\"source\":\"v\",\"size\":[9,9],\"tracker\":[{tracker}0]}}")
     };
@@ -163,7 +163,7 @@ fn nothing_that_is_asked_for_is_taken_first() {
     write("state.json", state(u64::MAX, "").as_bytes());
     refused(&["track", "video", "--load-state", "state.json"], "18446744073709551615 frames");
 
-    // What is read without end.
+    // Inputs without end.
     std::fs::create_dir(place.path("earlier")).expect("a new folder");
     std::os::unix::fs::symlink("/dev/zero", place.path("earlier/run.json")).expect("a link");
     let list = ["track", "video", "-c", "c.toml", "-o", "earlier"];
@@ -190,7 +190,7 @@ fn nothing_that_is_asked_for_is_taken_first() {
     refused(&["track", "video"], "no box to start from");
     refused(&["eval", "--seqs", "video", "--out", "e"], "not a regular file");
 
-    // What does not ask for much is done.
+    // Small requests succeed.
     write("profile.png", &profiled());
     let (well, said) = bounded(&place, &["look", "profile.png", "--map", "saliency"]);
     assert!(well, "{said}");
@@ -222,7 +222,7 @@ fn threads_and_memory_that_are_not_given_are_no_panic() {
             false => refused += 1,
         }
         let whole = std::fs::read_dir(place.path("video/img")).expect("a folder").count();
-        // A picture that could not be had ends the track before it: the error names it, and what was tracked is there.
+        // A picture that could not be had ends the track before it: the error names it, and the results so far are there.
         let broken = lines == 0 || said.contains(&format!("frame {}:", lines + 1));
         assert!(lines == whole || !output.status.success() && broken, "{kilobytes} kB: {lines} lines: {said}");
     }

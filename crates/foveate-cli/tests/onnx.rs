@@ -70,7 +70,7 @@ fn a_network_detects() {
     }
 }
 
-/// Models lie beside the configuration; a network that gives what it is fed tracks as pixels do.
+/// Models lie beside the configuration; an identity network tracks as pixels do.
 #[test]
 fn a_network_encodes() {
     let place = Place::new();

@@ -125,7 +125,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     browser.until("page.rows.length === 15 && page.rows[14].given");
     track(&mut browser);
 
-    // Saved: what the page shows.
+    // The saved results are those on the page.
     browser.click("#save-go");
     browser.until("document.querySelectorAll('#files a').length === 3");
     let href = browser.value("document.querySelector('#files a').getAttribute('href')");

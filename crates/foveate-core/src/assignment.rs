@@ -1,4 +1,4 @@
-//! Who belongs to whom: the best one-to-one assignment between two sets.
+//! The best one-to-one assignment between two sets.
 //!
 //! Shortest augmenting paths with dual prices (Jonker and Volgenant 1987, for rectangles as Crouse has it, IEEE
 //! Transactions on Aerospace and Electronic Systems 52(4), 2016). Rows are added one by one; each takes the cheapest

@@ -230,7 +230,7 @@ pub struct Blueprint {
     config: Config,
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
-    /// What the discriminant adds for how its features vary, where that is known.
+    /// The covariance of the features for the discriminant, if it is known.
     variation: Option<Arc<[f32]>>,
     /// What regresses boxes.
     boxes: Option<Arc<box_regression::Network>>,
@@ -248,7 +248,7 @@ impl std::fmt::Debug for Blueprint {
 }
 
 impl Blueprint {
-    /// What a tracker of this seed and target is made with.
+    /// The parts of a tracker of this seed and target.
     pub(crate) fn origin(&self, seed: u64, target: u64) -> Origin {
         let chain = std::iter::successors(Some(self), |blueprint| blueprint.second.as_deref());
         let value = |blueprint: &Self| serde_json::to_value(&blueprint.config).expect("a configuration is plain data");
@@ -312,7 +312,7 @@ impl Blueprint {
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
         Self { retina, encoder, variation: None, ..self.clone() }
     }
-    /// What it was made from.
+    /// Its configuration.
     pub fn config(&self) -> &Config {
         &self.config
     }

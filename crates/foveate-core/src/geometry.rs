@@ -172,7 +172,7 @@ impl Extent {
 /// The covariance of a state, in the order of its fields.
 pub type Covariance = [[f64; State::N]; State::N];
 
-/// xₜ: what a particle believes of the target (section 3.1).
+/// xₜ: the state of the target in a particle (section 3.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Believed")]
 pub struct State {

@@ -109,7 +109,7 @@ pub struct Seen<'a> {
     pub ess: f64,
     /// log Σ w̃, nats, up to the likelihood's constant; NaN without views.
     pub log_evidence: f64,
-    /// What the covariance of the place follows from.
+    /// The inputs of the covariance of the place.
     pub place: PlaceEvidence,
     /// Width, height and planes of the picture.
     pub shape: [usize; 3],

@@ -13,7 +13,7 @@ const TRIALS: usize = 12;
 /// Numbers for each variable; the first `n` count.
 pub(super) type Row = [f64; MOST];
 
-/// What is to be made small.
+/// The function to minimise.
 pub(super) trait Objective {
     /// At `x`, which becomes the point at hand. Not finite: worse than everything.
     fn value(&mut self, x: &[f64]) -> f64;

@@ -37,7 +37,7 @@ pub(super) struct Factor {
     /// z = U⁻ᵀ y, and α = (K + σₙ² I)⁻¹ y, zeros after the last.
     whitened: Vec<f64>,
     alpha: Vec<f64>,
-    /// What was added to the diagonal beside the noise.
+    /// The term added to the diagonal beside the noise.
     pub jitter: f64,
     /// Rows for whatever is at hand; points to predict at; covariances with them.
     row: Vec<f64>,

@@ -13,7 +13,7 @@
 //! The mean is zero: to standardise the values is the caller's business. Cost: an observation takes n² operations while the
 //! window fills, n³/6 once it slides; a prediction n²/2; a step of the fit n³/2. Memory: 24 bytes × window², all taken at the start.
 //!
-//! # What is promised
+//! # Guarantees
 //! - No call but [`Gp::save`] (and [`Gp::predict`] beyond 1024 points) allocates, and none panics or returns a number that is not finite, whatever the values: duplicate points, constant or huge
 //!   values, no noise. Points and values beyond ±1e100 count as ±1e100, hyper-parameters outside [1e-12, 1e12] (noise: [0, 1e12])
 //!   as the nearest inside.

@@ -278,7 +278,7 @@ fn priors_integrate_to_one() {
     assert!(Priors::new([], (1.0, 1.0), (0.1, 1.0)).is_err());
 }
 
-/// Seed 4, 60 observations: what the surface is like where nobody looked; 1 in 10⁴ predictions lies beyond 4 deviations.
+/// Seed 4, 60 observations: the surface at unobserved places; 1 in 10⁴ predictions lies beyond 4 deviations.
 #[test]
 fn the_fitted_surface_predicts_unseen_points() {
     let (mut gp, mut rng) = (filled(Kernel::SquaredExponential, 60, 60, 4), rng(4));

@@ -204,7 +204,7 @@ impl<const D: usize> Gp<D> {
     }
 }
 
-/// What is not a number is far from everything.
+/// A NaN is far from everything.
 fn place(x: f64) -> f64 {
     if x.is_nan() { LARGEST } else { near(x) }
 }

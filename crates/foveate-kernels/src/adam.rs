@@ -2,7 +2,7 @@
 
 use crate::level::{levels, multiply_add};
 
-/// What a step of [`adam`] needs beside the arrays.
+/// The numbers of a step of [`adam`] beside the arrays.
 #[derive(Clone, Copy, Debug)]
 pub struct Adam {
     /// Shares of the past in the two moments.
@@ -17,7 +17,7 @@ pub struct Adam {
     pub least: f32,
     /// Pull of the parameters towards 0.
     pub pull: f32,
-    /// What the mean takes over of the parameters.
+    /// The weight of the parameters in the running mean.
     pub share: f32,
 }
 

@@ -209,7 +209,7 @@ fn slopes_body<const V: u8>(points: Points, c: &[f64], alpha: &[f64], out: &mut 
     }
 }
 
-/// What a posterior consists of, beside the points.
+/// The parts of a posterior beside the points.
 #[derive(Clone, Copy, Debug)]
 pub struct Posterior<'a> {
     /// The covariance's shape.

@@ -1,4 +1,4 @@
-//! What follows the product: the logistic function, and either the features or their overlap with a template.
+//! Epilogues of the product: the logistic function, and either the features or their overlap with a template.
 //!
 //! Sums y come times -log₂ e, so that a feature is h = 1 / (1 + 2^y); the bias is brought to that scale here.
 
@@ -12,7 +12,7 @@ pub(crate) const TO_EXP2: f32 = -std::f32::consts::LOG2_E;
 /// The most glimpses that share a tile while it is in the cache.
 pub(crate) const TOGETHER: usize = 8 * BLOCK;
 
-/// What is done with the sums of up to [`TOGETHER`] glimpses.
+/// An operation on the sums of up to [`TOGETHER`] glimpses.
 pub(crate) trait End {
     /// The next sums are of columns `left..left + 64`.
     fn tile(&mut self, left: usize);

@@ -13,7 +13,7 @@ levels! {
 
 levels! {
     /// `out` ← a plane of `width` columns at half the resolution: [1 3 3 1] / 8 across and down, then every second one; the
-    /// plane's border goes on outside. `across` (as many rows as the plane, of half as many columns) is room.
+    /// plane's border is repeated outside. `across` (as many rows as the plane, of half as many columns) is room.
     ///
     /// # Panics
     /// If `plane` is not whole rows of at least one value, or `across` and `out` are not `⌈width / 2⌉` × the rows, and × half of them, rounded up.

@@ -34,7 +34,7 @@ levels! {
         oriented_blocks_body
 }
 
-/// What the places of a lattice read: rows of `columns`, a value a half block, or 8.
+/// The values that the places of a lattice read: rows of `columns`, a value a half block, or 8.
 #[derive(Clone, Copy, Debug)]
 pub struct Maps<'a> {
     /// Half blocks in a row.
@@ -201,7 +201,7 @@ mod tests {
         }
     }
 
-    /// To the bit, with AVX2 as with AVX-512: what is tracked must not depend on the processor.
+    /// Bit for bit the same with AVX2 and AVX-512, so that the track does not depend on the processor.
     #[test]
     fn maps_are_the_same_with_all_that_multiply_and_add_at_once() {
         let (columns, rows) = (16, 11);

@@ -1,4 +1,4 @@
-//! What the processor can do, found once, and the macro that compiles a function for each level.
+//! The vector instructions of the processor, detected once, and the macro that compiles a function for each level.
 
 use std::sync::{LazyLock, OnceLock};
 
@@ -15,7 +15,7 @@ pub enum Level {
     Avx512Bf16,
 }
 
-/// What the compiler may use in a function compiled for a level, as a const parameter `V` of its body: 0 plain
+/// The instructions that the compiler may use in a function compiled for a level, as a const parameter `V` of its body: 0 plain
 /// arithmetic, [`FUSED`] multiply-adds too, [`AVX512`] its instructions too.
 pub(crate) const FUSED: u8 = 1;
 /// See [`FUSED`].
@@ -28,7 +28,7 @@ static MOST: OnceLock<Level> = OnceLock::new();
 
 static BEST: LazyLock<Level> = LazyLock::new(|| machine().min(MOST.get().copied().unwrap_or(Level::Avx512Bf16)));
 
-/// What the processor has.
+/// The level of this processor.
 fn machine() -> Level {
     #[cfg(target_arch = "x86_64")]
     {

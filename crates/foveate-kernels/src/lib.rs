@@ -1,6 +1,6 @@
 #![doc = include_str!("../README.md")]
 //!
-//! # What is promised
+//! # Guarantees
 //!
 //! Every function is safe to call, and is tested against a plain scalar twin at every level of the
 //! machine ([`Level`]): AVX-512, AVX2 with FMA, or portable code, which any architecture compiles.

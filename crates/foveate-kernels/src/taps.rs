@@ -149,7 +149,7 @@ impl Places {
             let x = multiply_add::<V>(ux, du[i], multiply_add::<V>(vx, dv[i], cx));
             let y = multiply_add::<V>(uy, du[i], multiply_add::<V>(vy, dv[i], cy));
             let (x, y) = (lesser(greater(x, 0.0), right), lesser(greater(y, 0.0), bottom));
-            // SAFETY: x and y are numbers from 0 to below 2^31: `greater` gives 0 for what is no number.
+            // SAFETY: x and y are numbers from 0 to below 2^31: `greater` gives 0 for NaN.
             let (ix, iy) = unsafe { (x.to_int_unchecked::<i32>(), y.to_int_unchecked::<i32>()) };
             let (ix, iy) = (ix.min(last_x), iy.min(last_y));
             (self.fx[i], self.fy[i]) = (x - ix as f32, y - iy as f32);

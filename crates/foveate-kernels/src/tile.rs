@@ -18,7 +18,7 @@ pub(crate) struct Line(pub [u32; 16]);
 /// Sums of one block: row r, column c of the tile at `[r][c]`.
 pub(crate) type Sums = [[f32; TILE]; BLOCK];
 
-/// What a word is, and with which instructions it is multiplied.
+/// The format of a word, and the instructions that multiply it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kernel {
     F32(Level),

@@ -1,6 +1,6 @@
 //! Videos whose target vanishes and comes back: real ones, changed so that the truth is still known.
 //!
-//! *Behind*: what is beside the target is mirrored over it, frame by frame, as if a thing of the background's texture
+//! *Behind*: the surroundings of the target are mirrored over it, frame by frame, as if a thing of the background's texture
 //! stood before it. *Away*: the camera looks elsewhere, so that the target leaves the picture at the nearer side, and looks
 //! back. *Elsewhere*: the same, and afterwards the camera points to another place than before, so that the target is back
 //! somewhere else in the picture. What a moved camera would see beyond the old picture's edge is the mirrored picture with the
@@ -155,7 +155,7 @@ fn mirrored(i: isize, n: usize) -> usize {
     (if i < n { i } else { 2 * n - 1 - i }) as usize
 }
 
-/// The picture with a box, and a margin, covered by what is beside it: mirrored at the box's left or right side, whichever
+/// The picture with a box, and a margin, covered by its surroundings: mirrored at the box's left or right side, whichever
 /// has more room, over and over where there is little.
 fn covered(image: &Image, b: &BBox) -> Image {
     let (w, h) = (image.width() as isize, image.height() as isize);

@@ -32,7 +32,7 @@ pub enum Split {
 pub struct Digits {
     /// 28 × 28 bytes each, 0 background, 255 ink.
     pub images: Vec<u8>,
-    /// What each is, 0 to 9.
+    /// The digit of each, 0 to 9.
     pub labels: Vec<u8>,
 }
 
@@ -145,7 +145,7 @@ fn parse(mut from: impl Read, path: &Path, shape: &[usize]) -> Result<Vec<u8>> {
         return Err(Error::malformed(path, format!("the header promises {count} items, more than the {MOST} allowed")));
     }
     let length = count * shape.iter().product::<usize>();
-    // What is packed may be a thousand times as long as its file.
+    // Unpacked data may be a thousand times as long as the file.
     memory::check(format_args!("{}: {count} items", path.display()), 2 * length as u64)?;
     let mut bytes = Vec::new();
     let read = from.take(length as u64 + 1).read_to_end(&mut bytes);

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 #[test]
 fn scores_equal_the_toolkits() {
-    // Made by got10k 0.1.3 itself on random boxes; the file says how.
+    // Made by got10k 0.1.3 itself on random boxes; the file has the command.
     let golden: Value = serde_json::from_str(include_str!("data/got10k.json")).expect("JSON");
     let numbers =
         |v: &Value| v.as_array().expect("a list").iter().map(|v| v.as_f64().expect("a number")).collect::<Vec<_>>();

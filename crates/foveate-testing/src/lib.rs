@@ -30,7 +30,7 @@ macro_rules! need {
     };
 }
 
-/// Records that this test, or a part of it, does not run for want of `missing`.
+/// Records that this test, or a part of it, does not run because `missing` is missing.
 ///
 /// # Panics
 /// With `FOVEATE_STRICT=1`.

@@ -24,7 +24,7 @@ pub fn ahead_until(mut source: Box<dyn FrameSource>, stop: impl Fn() -> bool + S
     let (send, frames) = sync_channel(DEPTH);
     let refused = send.clone();
     let read = move || {
-        // The thread ends with the source, or at the first frame that nobody waits for.
+        // The thread ends with the source, or at the first frame without a receiver.
         if let Err(panic) = quiet::catch(|| source.try_for_each(|frame| send.send(frame))) {
             let _ = send.send(Err(Error::Invalid(format!("reading the frames failed: {panic}"))));
         }

@@ -148,7 +148,7 @@ impl Connection {
         if live.options.listen {
             live.notify("waiting for a sender");
         }
-        // Who waits for the first sender may wait.
+        // The wait for the first sender has no limit.
         let due = (!live.options.listen).then(|| Instant::now() + stall);
         live.connect(due).map_err(|problem| Error::malformed(&live.shown, problem))?;
         live.watch.start(live.leash.clone())?;

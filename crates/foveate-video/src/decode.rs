@@ -179,7 +179,7 @@ mod tests {
         }
     }
 
-    /// In scans after the first: one that is begun is to be whole.
+    /// In scans after the first: a scan that begins must be whole.
     #[test]
     fn a_truncated_progressive_jpeg_is_refused() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/pictures/progressive.jpg");

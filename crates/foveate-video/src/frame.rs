@@ -21,7 +21,7 @@ pub struct Frame {
 ///
 /// What came before an error is good. `info` is known before the first frame is decoded.
 pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
-    /// What is known of the source before it is read.
+    /// The facts of the source before it is read.
     fn info(&self) -> &SourceInfo;
     /// Passes over the next frames; at the end of the source over fewer.
     ///
@@ -46,7 +46,7 @@ pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
     }
 }
 
-/// What is known of a source before it is read.
+/// The facts of a source before it is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceInfo {
     /// Width of a frame in pixels.

@@ -37,7 +37,7 @@ pub(crate) fn decode(bytes: &[u8], most: usize) -> Result<DynamicImage, String> 
     whole.extend_from_slice(&bytes[..end]);
     (0..ONES).for_each(|_| whole.extend([0xff, 0]));
     whole.extend([0xff, 0xd9]);
-    // Headers may be odd, as many are; the pixels are to be there.
+    // Headers may be unusual, as many are; the pixels must be there.
     let lenient = DecoderOptions::default().set_strict_mode(false).set_max_width(most).set_max_height(most);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(whole.as_slice()), lenient);
     decoder.decode_headers().map_err(damaged)?;

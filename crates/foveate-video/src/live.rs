@@ -58,7 +58,7 @@ impl Live {
         let micros = |time: Duration| time.as_micros().to_string();
         input.options.extend(["-rw_timeout".to_owned(), micros(STALL)]);
         if !reconnect.is_zero() {
-            // It goes on at the byte at which it broke off.
+            // It continues at the byte at which it broke off.
             input.options.extend(["-reconnect", "1", "-reconnect_delay_max"].map(str::to_owned));
             input.options.push(reconnect.as_secs().min(4294).to_string());
         }
@@ -109,7 +109,7 @@ impl FrameSource for Live {
     }
 }
 
-/// What is known of an address before its pictures are analysed.
+/// The facts of an address before its pictures are analysed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct About {
     /// It has a length: in bytes, or of a playlist in seconds.

@@ -18,7 +18,7 @@ const LARGEST_WHOLE: f64 = 1e9;
 pub struct TrackBox {
     /// The frame, from 0.
     pub frame: usize,
-    /// Who it is, from 0; negative: not known (a detection).
+    /// The id, from 0; negative: unknown (a detection).
     pub id: i64,
     /// Where, 0-based; sizes may be 0.
     pub bbox: BBox,

@@ -32,7 +32,7 @@ pub(super) struct Movie {
     pub samples: Vec<Sample>,
     /// Time units in a second; not 0.
     pub timescale: u32,
-    /// How often the picture is to be turned by 90 degrees, clockwise, 0 to 3.
+    /// Number of clockwise turns of the picture by 90 degrees, 0 to 3.
     pub turns: u8,
     /// Width over height of a pixel, if the container has it.
     pub aspect: Option<Aspect>,

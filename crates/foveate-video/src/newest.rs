@@ -19,7 +19,7 @@ pub struct Pace {
     pub max_latency: Option<Duration>,
 }
 
-/// What is known of the frame handed out last, and of those dropped. Clones share it.
+/// The facts of the last frame handed out and of those dropped. Clones share them.
 #[derive(Clone, Debug, Default)]
 pub struct Meter(Arc<Measured>);
 

@@ -1,4 +1,4 @@
-//! How a video is to be opened.
+//! Options for opening a video.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -22,7 +22,7 @@ impl Decoder {
         [("auto", Self::Auto), ("builtin", Self::Builtin), ("ffmpeg", Self::Ffmpeg)];
 }
 
-/// How a video is to be opened: see [`crate::open_with`].
+/// Options for opening a video: see [`crate::open_with`].
 #[derive(Clone, Debug)]
 pub struct Options {
     /// What decodes it. The pixels do not depend on it, as long as the file is whole.
@@ -42,7 +42,7 @@ pub struct Raw {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// What a pixel is.
+    /// The format of a pixel.
     pub pixels: Pixels,
 }
 
@@ -53,7 +53,7 @@ impl Raw {
     }
 }
 
-/// What the bytes of a bare pixel are.
+/// The bytes of a bare pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pixels {
     /// Red, green, blue.
@@ -76,7 +76,7 @@ impl Default for Options {
     }
 }
 
-/// How a stream is to be opened.
+/// Options for opening a stream.
 #[derive(Clone, Debug)]
 pub struct LiveOptions {
     /// The program ffmpeg: a path, or a name to be found as programs are.

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use foveate_core::geometry::Size;
 
-/// What was found so far while a source was read. Clones share it, and it goes on being filled after the source was handed over.
+/// The findings so far in a source. Clones share them, and they keep growing after the source was handed over.
 #[derive(Clone, Debug, Default)]
 pub struct Remarks(Arc<Mutex<Found>>);
 
@@ -13,7 +13,7 @@ pub struct Remarks(Arc<Mutex<Found>>);
 struct Found {
     /// Stored and displayed size, if pixels are not square.
     sides: Option<[Size; 2]>,
-    /// Damaged frames, counted from 1, and what the decoder reported of the first.
+    /// Damaged frames, counted from 1, and the decoder's report of the first.
     damaged: BTreeSet<usize>,
     report: String,
     /// Number of frames with a time stamp that does not rise, and the first of them.

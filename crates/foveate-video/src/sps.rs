@@ -4,7 +4,7 @@
 use crate::aspect::Aspect;
 use foveate_core::geometry::Size;
 
-/// What is read of a sequence parameter set.
+/// The fields read from a sequence parameter set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sps {
     /// Width and height of the shown picture in pixels.
@@ -193,7 +193,7 @@ mod tests {
         (0..hex.len()).step_by(2).map(|i| u8::from_str_radix(&hex[i..i + 2], 16).expect("hexadecimal")).collect()
     }
 
-    /// Sets that x264 wrote; what they say was given to it.
+    /// Sets that x264 wrote from known settings.
     #[test]
     fn sets_of_every_kind_are_read() {
         let kinds = [

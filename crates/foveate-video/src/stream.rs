@@ -22,7 +22,7 @@ use foveate_core::scene::Image;
 pub(crate) trait Bytes: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Bytes for T {}
 
-/// What is reported of a frame with bytes that no encoder writes.
+/// The report for a frame with bytes that no encoder writes.
 const ILLEGAL: &str = "bytes that H.264 never has";
 /// How many pictures may wait for one that is shown before them; H.264 allows 16.
 const MAX_WAITING: usize = 32;
@@ -121,7 +121,7 @@ impl Mp4 {
             if let Some(start) = start.take() {
                 return Some(start);
             }
-            // What cannot be read ends it: our own decoders then say what is wrong.
+            // Unreadable data ends it: our own decoders then report the fault.
             let (sample, number) = next.next().filter(|(s, _)| s.offset.saturating_add(u64::from(s.size)) <= len)?;
             may_be_held(sample.size).ok()?;
             let mut bytes = vec![0; sample.size as usize];
@@ -146,7 +146,7 @@ impl Mp4 {
                 return Some((picture, self.time(sample)));
             }
         }
-        // What it refuses our own decoders may take: it is damage all the same, unless that was found already.
+        // Our own decoders may accept data that it refuses: that is damage all the same, unless it was reported already.
         let complaint = self.fed_out.take().and_then(|(mut feed, _)| feed.complaint());
         if let Some(report) = complaint.filter(|_| self.remarks.damaged() == 0) {
             self.remarks.add_damage(self.out + 1, &report);
@@ -174,12 +174,12 @@ impl Mp4 {
         (time(sample) - time(self.order[0])) as f64 / f64::from(self.movie.timescale)
     }
 
-    /// How many frames are to be shown.
+    /// Number of frames to show.
     pub(crate) fn frames(&self) -> usize {
         self.order.len()
     }
 
-    /// What was found so far.
+    /// The findings so far.
     pub(crate) fn remarks(&self) -> &Remarks {
         &self.remarks
     }

@@ -40,7 +40,7 @@ pub struct Tiles<'a> {
     decoded: Mutex<Decoded>,
 }
 
-/// What was decoded of a picture, by level, column and row.
+/// The decoded tiles of a picture, by level, column and row.
 #[derive(Debug, Default)]
 struct Decoded {
     tiles: HashMap<(usize, usize, usize), Image>,
@@ -275,7 +275,7 @@ mod tests {
         }
     }
 
-    /// Where bins are powers of two and windows lie on their grid, tiles give what the whole picture gives, to half a grey level a
+    /// Where bins are powers of two and windows lie on their grid, tiles give the values of the whole picture, to half a grey level a
     /// level; elsewhere level 0 does.
     #[test]
     fn tiles_equal_the_picture() {

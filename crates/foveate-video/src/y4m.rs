@@ -121,7 +121,7 @@ fn line(reader: &mut impl Read, line: &mut Vec<u8>) -> Decoded<bool> {
     }
 }
 
-/// What a stream is that begins so, and how to convert it.
+/// The kind of a stream with this beginning, and how to convert it.
 fn found(head: &[u8]) -> String {
     let kinds: [(&str, usize, &[u8]); 12] = [
         ("MP4 or QuickTime", 4, b"ftyp"),

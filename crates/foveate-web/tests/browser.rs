@@ -48,7 +48,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let mut browser = need!(open(dir.path(), &[]));
     browser.picture("choose");
-    // What is no video is refused, in words.
+    // A file that is no video is refused with a message.
     let other = dir.path().join("no.mp4");
     std::fs::write(&other, "nothing").expect("a writable folder");
     give(&mut browser, &[&other]);
@@ -115,7 +115,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     track(&mut browser, FRAMES);
     browser.until("byId('command').textContent.includes('--reinit 20:')");
 
-    // Saved: what the page shows.
+    // The saved results are those on the page.
     browser.click("#want-film");
     browser.click("#save-go");
     browser.until("document.querySelectorAll('#files a').length === 5");
@@ -173,7 +173,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
-/// A video that nothing here decodes: what it is, and what to do with it, on a phone too.
+/// A video without a decoder: the message names its kind and the remedy, also on a phone.
 #[test]
 fn a_video_that_cannot_be_played_is_refused_with_what_to_do() {
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -214,13 +214,13 @@ fn a_camera_is_followed() {
     let mut browser = need!(open(dir.path(), &fake));
     browser.click("#pick-camera");
     browser.until("!byId('stage').hidden && shown && page.frame > 3");
-    // What is shown waits while a box is drawn on it; where it is, its number tells.
+    // The shown frame waits while a box is drawn on it; its number shows which one it is.
     let number = held(&mut browser);
     browser.value("byId('config').value = 'natural-fast', true");
     browser.draw(truth(number));
     browser.click("#go");
     browser.until("page.rows.length > 1");
-    // Which frame of the file each picture is: asked while pictures are kept.
+    // The frame of the file of each picture, while pictures are stored.
     let seconds = std::env::var("FOVEATE_WEB_SECONDS").ok().and_then(|text| text.parse().ok()).unwrap_or(20u64);
     let (began, mut overlaps) = (Instant::now(), std::collections::BTreeMap::new());
     let mut memory: Vec<[f64; 4]> = vec![];
@@ -273,7 +273,7 @@ fn a_camera_is_followed() {
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
-/// What our decoder does not know the browser decodes, moved from frame to frame, so that none is left out.
+/// The browser decodes files that our decoder does not support, frame by frame, so that none is left out.
 #[test]
 fn a_video_that_the_browser_decodes_is_seen_frame_by_frame() {
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -291,7 +291,7 @@ fn a_video_that_the_browser_decodes_is_seen_frame_by_frame() {
     browser.value("byId('config').value = 'natural-fast', true");
     browser.draw(truth(0));
     browser.click("#go");
-    // As they come: what was shown, and where.
+    // In the order of their arrival: frame and place.
     let mut seen = std::collections::BTreeMap::new();
     let began = Instant::now();
     while browser.value("page.ended && !page.playing && !page.busy") != true {
@@ -416,7 +416,7 @@ fn a_camera_takes_no_more_memory_the_longer_it_runs() {
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
-/// A track of a file in the page: frames, boxes, what the browser decoded, seconds.
+/// A track of a file in the page: frames, boxes, frames decoded by the browser, seconds.
 type Followed = (Vec<usize>, Vec<[f64; 4]>, Value, f64);
 
 fn followed(browser: &mut Browser, file: &Path, init: [f64; 4], most: usize) -> Followed {
@@ -443,7 +443,7 @@ fn followed(browser: &mut Browser, file: &Path, init: [f64; 4], most: usize) -> 
     (frames, boxes, browser.value("tracker.decoded(page.video.session)"), seconds)
 }
 
-/// The browser's decoder and ours give the same frames, each once, and so the same boxes. Without WebCodecs ours goes on alone.
+/// The browser's decoder and ours give the same frames, each once, and so the same boxes. Without WebCodecs ours works alone.
 #[test]
 fn what_the_browser_decodes_is_what_our_decoder_gives() {
     let clips = need!(data("clips"));
@@ -493,7 +493,7 @@ fn what_the_browser_decodes_is_what_our_decoder_gives() {
             rate(&ours, longer)
         );
         assert_eq!(same, boxes.len(), "{name}");
-        // Where the browser's decoder breaks off, ours goes on with the next frame.
+        // If the browser's decoder breaks off, ours continues with the next frame.
         let (more, halves, told, _) = followed(&mut breaks, &file, init, 90);
         assert_eq!((&*more, &*halves), (&frames[..more.len()], &boxes[..more.len()]));
         assert_eq!(told, json!({ "frames": 48, "why": "broken" }));

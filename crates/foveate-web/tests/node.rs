@@ -74,7 +74,7 @@ fn webassembly_and_native_code_agree() {
         let result: Value = serde_json::from_slice(&output.stdout).expect("JSON");
         let wasm: Vec<[f64; 4]> = serde_json::from_value(result["boxes"].clone()).expect("boxes");
         let pushed: Vec<[f64; 4]> = serde_json::from_value(result["pushed"].clone()).expect("boxes");
-        // Car1 is grey; what is pushed always has colours.
+        // Car1 is grey; pushed pictures always have colours.
         if name != "Car1" {
             assert_eq!(wasm[1..], pushed, "{name}: frames that are read and frames that are pushed are the same");
         }

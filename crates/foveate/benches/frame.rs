@@ -202,7 +202,7 @@ fn noise(rng: &mut Rng) -> Result<Image> {
     Image::new(WIDTH, HEIGHT, 1, both.into_iter().map(|v| v.round() as u8).collect())
 }
 
-/// CPU seconds of this thread; of the wall clock where the system does not tell.
+/// CPU seconds of this thread; of the wall clock where the system has no such clock.
 fn now() -> f64 {
     static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
     // Linux brings a thread's account up to date when it gives way.

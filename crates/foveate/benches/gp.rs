@@ -94,7 +94,7 @@ fn step(kernel: Kernel, n: usize, rounds: usize) {
         (evaluations, iterations) = (evaluations + fit.evaluations, iterations + fit.iterations);
         let push = |gp: &mut Gp<2>| _ = gp.push(x[n - 1], y[n - 1]);
         let part = |work: &mut dyn FnMut()| 1e3 * median(rounds, work) / SETS as f64;
-        // What the copies take is taken away below.
+        // The time of the copies is subtracted below.
         times[0] += part(&mut || drop(std::hint::black_box(before.clone())));
         times[1] += part(&mut || push(&mut before.clone()));
         times[2] += part(&mut || {

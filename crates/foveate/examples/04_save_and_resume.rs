@@ -1,4 +1,4 @@
-//! A tracker saved in mid-video goes on as if nothing had happened, to the last bit.
+//! A tracker saved in mid-video continues bit for bit.
 //!
 //! One tracker runs through; another is saved as JSON text after frame 20, thrown away, and loaded into a new one.
 //! `cargo run --release -p foveate --features lab --example 04_save_and_resume`

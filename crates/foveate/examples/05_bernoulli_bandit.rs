@@ -1,4 +1,4 @@
-//! Five biased coins, one throw a round: what is lost by seeing one coin only, and by not knowing which is best.
+//! Five biased coins, one throw a round: the loss from seeing one coin only, and from not knowing the best one.
 //!
 //! Hedge receives the rewards of all coins and bets on one; EXP3 and EXP3-IX receive that of the coin they throw. Regret, against always throwing the
 //! best coin, stays within each theorem, and far below what throwing at random costs.

@@ -52,7 +52,7 @@
 //! | xₜ, aₜ, and where a gaze falls | [`geometry::State`], [`geometry::Gaze`], [`geometry::Fixation`] |
 //! | vₜ, the foveated glimpse | [`identity::Retina`]: [`identity::Foveal`], on a [`identity::Pyramid`] |
 //! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::Raw`], [`identity::oriented::Oriented`]; with the feature `learn` RBMs and others, with `onnx` networks from ONNX files |
-//! | the RBM and its training; h⁽²⁾ₜ, the multi-fixation RBM (section 2.2) | `learn::rbm`; what they learn from, `lab::training` |
+//! | the RBM and its training; h⁽²⁾ₜ, the multi-fixation RBM (section 2.2) | `learn::rbm`; their training data, `lab::training` |
 //! | p(cₜ \| h⁽²⁾ₜ) | [`identity::Recognizer`], `learn::softmax` |
 //! | d(h, τ) | [`identity::Distance`]: [`identity::distance::Kind`] |
 //! | p(hₜ \| xₜ, aₜ) | [`identity::Appearance`]: [`identity::GazeAppearance`]; learned while tracking: [`identity::discriminant::Discriminant`], [`identity::colour::Colour`] |
@@ -100,7 +100,7 @@ pub use foveate_report as report;
 #[cfg(feature = "video")]
 pub use foveate_video as video;
 
-// For the other crates, the tests and the benchmarks of the project: no part of what a version promises.
+// For the other crates, the tests and the benchmarks of the project: without any promise of stability.
 #[doc(hidden)]
 pub use foveate_base::{error, quiet, rng, rows, sink, text, thread};
 #[doc(hidden)]
@@ -109,7 +109,7 @@ pub use foveate_core::{
     recognition, reference, scene, seen, start, tracker,
 };
 
-/// What the documents show is run as tests.
+/// The code of the documents runs as tests.
 #[cfg(all(doctest, feature = "video"))]
 mod documents {
     #[doc = include_str!("../../../README.md")]

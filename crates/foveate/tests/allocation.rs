@@ -158,7 +158,7 @@ fn convolution_allocates_nothing() {
     });
 }
 
-/// The target is gone: for 200 frames particles spread over the picture and beyond, and what is seen grows with them.
+/// The target is gone: for 200 frames particles spread over the picture and beyond, and the read area grows with them.
 #[test]
 fn a_lost_target_costs_no_memory() {
     let (w, h) = (500, 400);

@@ -224,7 +224,7 @@ fn files_are_small() {
     }
 }
 
-/// What a path after `crate::` means: the longest prefix that is a file, following `pub use` of its modules.
+/// The file of a path after `crate::`: the longest prefix that is a file, following `pub use` of its modules.
 fn defines<'a>(names: &'a BTreeMap<String, String>, path: &[String]) -> Option<&'a str> {
     (1..=path.len()).rev().find_map(|n| names.get(&path[..n].join("::"))).map(String::as_str)
 }
@@ -268,7 +268,7 @@ fn paths(tree: &str) -> Vec<Vec<String>> {
     parts.map(|p| before.iter().cloned().chain(p).collect()).collect()
 }
 
-/// An import is an edge to the file that defines what is imported; a re-export (`pub use`) is none. No edge leads back.
+/// An import is an edge to the file that defines the imported item; a re-export (`pub use`) is none. No edge leads back.
 #[test]
 fn no_file_imports_in_a_circle() {
     let mut found = String::new();
@@ -327,7 +327,7 @@ fn no_file_imports_in_a_circle() {
         let mut edges: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
         for (file, text) in &sources {
             let at = module(file);
-            // A module that calls its own children by their paths is above them; they may use what it defines.
+            // A module that calls its own children by their paths is above them; they may use its items.
             let below = |path: &Vec<String>| names.contains_key(&[&at[..], &path[..1]].concat().join("::"));
             let written = written(text).into_iter().filter(|path| path[0] != "self" && !below(path));
             for path in uses(text, false).into_iter().chain(written) {

@@ -49,7 +49,7 @@ fn is_history(name: &str) -> bool {
     name == "CHANGELOG.md" || name.starts_with("docs/lab/")
 }
 
-/// What stands between backticks, line by line; a line is a row of a table or of a paragraph.
+/// The text between backticks, line by line; a line is a row of a table or of a paragraph.
 fn code(line: &str) -> impl Iterator<Item = &str> + Clone {
     line.split('`').skip(1).step_by(2)
 }
@@ -158,7 +158,7 @@ fn parts_of_ones_own_are_those_of_the_examples() {
     assert!(compared >= 5, "{compared} pieces of code");
 }
 
-/// What follows `foveate` where a document shows a command.
+/// Commands and configurations that a document shows exist.
 #[test]
 fn commands_and_configurations_exist() {
     let commands = |file: &str| -> Vec<String> {

@@ -101,7 +101,7 @@ fn gradients_are_those_of_the_free_energy() {
             close(gradient[5 * r + i].into(), (at(1e-5) - at(-1e-5)) / 2e-5, 1e-4);
         }
     }
-    // In the parameters: what a step of training moves them along, −∂F/∂θ, from the same buffers.
+    // In the parameters: the direction of a training step, −∂F/∂θ, from the same buffers.
     let s = &scratch;
     let x = narrow(&X);
     let sum = |left: &[f32], i: usize, width: usize, right: &[f32], j: usize, n: usize| -> f64 {

@@ -30,7 +30,7 @@ const WEIGHT_SD: f32 = 0.05;
 const COVARIANCE_BIAS: f32 = 2.0;
 const MEAN_BIAS: f32 = -2.0;
 const FIRST_STEP: f32 = 0.01;
-/// Decay of the running common length of the filters ("weird but important", says the authors' code).
+/// Decay of the running common length of the filters ("weird but important" in the authors' code).
 const LENGTH_REMEMBERED: f32 = 0.95;
 
 /// The state of a training run.

@@ -25,7 +25,7 @@ fn runs(dir: &Path, out: &str) -> Vec<String> {
     names
 }
 
-/// What is written beside the page, which names the command.
+/// The files beside the page, which names the command.
 fn written(dir: &Path, out: &str) -> Vec<Vec<u8>> {
     let read = |name: &&str| std::fs::read(dir.join(out).join(name)).expect("a file of results");
     ["table3.json", "table3.csv", "fig-digits.json", "fig-digits-1.png"].iter().map(read).collect()

@@ -99,7 +99,7 @@ class FeatureLearner(ClassNamePrefixFeaturesOutMixin, TransformerMixin, Learner)
         return learn_codes(*self._model(), rows), kind
 
     def _features(self, codes: Singles) -> Singles:
-        """What is made of the extension's codes."""
+        """Converts the extension's codes."""
         return codes
 
     @property

@@ -8,14 +8,14 @@
 #[cfg(not(debug_assertions))]
 use std::{io, path::Path};
 
-/// What is done to a file.
+/// An operation on a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// A file or folder is made.
     Open,
     /// Bytes are written.
     Write,
-    /// What was written is made to last.
+    /// Synchronises written data with the disk.
     Sync,
     /// Renames a file or folder to its final name.
     Rename,

@@ -254,7 +254,7 @@ fn writer(name: &str) -> Option<(u32, u32)> {
     is_ours.then(|| Some((process.parse().ok()?, system)))?
 }
 
-/// Where nobody can say, everybody runs.
+/// If that is unknown, all count as running.
 fn is_running(process: u32) -> bool {
     !Path::new("/proc/self").exists() || Path::new("/proc").join(process.to_string()).exists()
 }

@@ -95,7 +95,7 @@ pub struct Boxes {
     frames: usize,
     /// Labels of the targets, by id, as far as the file has them.
     labels: BTreeMap<i64, String>,
-    /// The boxes that a person set, by target; empty if the format does not tell them from others.
+    /// The boxes that a person set, by target; empty if the format does not mark them.
     keys: BTreeMap<i64, KeyFrames>,
     /// Size of the pictures, which Label Studio's format needs.
     size: Option<Size>,
@@ -157,7 +157,7 @@ impl Boxes {
         Ok(self.lost)
     }
 
-    /// Returns the boxes that a person set, by target: all boxes if the format does not tell.
+    /// Returns the boxes that a person set, by target: all boxes if the format does not mark them.
     pub(crate) fn key_frames(&self) -> BTreeMap<i64, KeyFrames> {
         if !self.keys.is_empty() {
             return self.keys.clone();

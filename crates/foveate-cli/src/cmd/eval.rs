@@ -33,8 +33,8 @@ use crate::terminal;
 ///
 /// Compare foveate with every peer by attribute of the sequences (occlusion, fast motion, ...), by half and by kind of target. With
 /// --choose, choose settings on one half of the sequences and test them on the other, both ways. In --config and --set, {other} stands for
-/// the letter of the half that a sequence is not of: --set box_regression.weights=boxes-{other}.json judges each half with what was trained
-/// on the other. A file halves.txt beside the sequences lists half (a or b), name, kind and source video of each.
+/// the letter of the other half: --set box_regression.weights=boxes-{other}.json evaluates each half with the file trained on the other. A
+/// file halves.txt beside the sequences lists half (a or b), name, kind and source video of each.
 ///
 /// With --mot, score tracks of many targets: MOTA, IDF1, HOTA and their components, as TrackEval computes them: foveate eval --mot --truth
 /// DIR --results DIR

@@ -20,7 +20,7 @@ pub(crate) struct Browser {
     from: Receiver<Value>,
     id: u64,
     session: Option<String>,
-    /// What the page complained of.
+    /// Errors of the page.
     pub complaints: Vec<String>,
 }
 
@@ -271,13 +271,13 @@ const CONTRAST: &str = r"((a, b) => {
   return (x + .05) / (y + .05);
 })";
 
-/// What is pressed, is seen, and is smaller than a finger's tip. A box to tick is pressed by its label; a link within a sentence is
+/// Visible controls that are smaller than a fingertip. A box to tick is pressed by its label; a link within a sentence is
 /// as high as its line.
 const SMALL: &str = r"[...document.querySelectorAll('button, select, summary, label:has(input[type=checkbox]), input:not([type=file], [type=checkbox]), td a, nav a, li a')]
   .map(e => [e, e.getBoundingClientRect()]).filter(([, box]) => box.width > 0 && (box.width < 43.5 || box.height < 43.5))
   .map(([e, box]) => `${e.outerHTML.slice(0, 60)}: ${box.width} x ${box.height}`)";
 
-/// What is used and has no name.
+/// Controls without a name.
 const UNNAMED: &str = "[...document.querySelectorAll('button, input:not([type=file]), select, canvas, svg[role=img]')].filter(e => !e.closest('[aria-hidden=true]') && !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).map(e => e.outerHTML)";
 
 /// Texts of charts that are not in the page's ink.

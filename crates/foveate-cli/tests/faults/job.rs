@@ -25,10 +25,10 @@ pub(crate) fn files(folder: &Path) -> Files {
     found
 }
 
-/// These tell times, which may be the same twice.
+/// These hold times, which may repeat.
 const TIMED: [&str; 2] = [".html", "table.txt"];
 
-/// Whether a file is as it is to be: the same bytes or, where it tells times, as many lines and the same end.
+/// Whether a file is as expected: the same bytes or, if it holds times, as many lines and the same end.
 fn is_whole(name: &str, bytes: &[u8], wanted: &[u8], again: &[u8]) -> bool {
     let lines = |bytes: &[u8]| bytes.iter().filter(|byte| **byte == b'\n').count();
     bytes == wanted
@@ -40,7 +40,7 @@ fn is_whole(name: &str, bytes: &[u8], wanted: &[u8], again: &[u8]) -> bool {
 pub(crate) struct Job {
     pub place: Place,
     pub args: &'static [&'static str],
-    /// What whole runs write; what differs between them tells times.
+    /// The output of whole runs; only times differ between them.
     wanted: Files,
     again: Files,
 }
@@ -71,7 +71,7 @@ impl Job {
         all.into_iter().filter(|(name, _)| name.starts_with("out")).collect()
     }
 
-    /// Removes what it wrote, what it left, and what it would go on from.
+    /// Removes its outputs, leftovers and checkpoints.
     fn clear(&self) {
         for name in self.place.names("").iter().filter(|name| name.starts_with("out") || name.starts_with(".out")) {
             let path = self.place.path(name);
@@ -79,10 +79,10 @@ impl Job {
         }
     }
 
-    /// Every file that has its final name is whole. Checkpoints are of any moment: the next run says whether they were.
+    /// Every file that has its final name is whole. Checkpoints are of any moment: the next run shows whether they were.
     fn check_names(&self, what: &str) {
         for (name, bytes) in self.results().iter().filter(|(name, _)| !name.contains("checkpoint")) {
-            // Folders that an interrupted run was put aside in, and the runs that go on, have names of their own.
+            // Folders of interrupted runs, and runs that continue, have names of their own.
             let (Some(wanted), Some(again)) = (self.wanted.get(name), self.again.get(name)) else { continue };
             assert!(is_whole(name, bytes, wanted, again) || name.ends_with("run.json"), "{what}: {name} is not whole");
         }
@@ -115,10 +115,10 @@ impl Job {
                 std::fs::remove_file(&log).expect("it is there");
                 let said = errors(&output);
                 assert!(output.status.code().is_some_and(|code| code < 2), "{what}: {said}");
-                // Another way may have been taken; else the error says which file, by its name or that of its folder.
+                // Another way may have been taken; else the error names the file, by its name or that of its folder.
                 if !output.status.success() {
                     let path = failed.split_whitespace().nth(2).expect("a path").to_owned();
-                    // Folders in the making are told by the name that they are to have.
+                    // Unfinished folders are named by their final name.
                     let of = |name: &str| name.trim_start_matches('.').split('.').next().unwrap_or_default().to_owned();
                     let mut names = Path::new(&path).iter().rev().take(2).map(|name| of(&name.to_string_lossy()));
                     assert!(names.any(|name| said.contains(&name)), "{what}: {path}: {said}");
@@ -134,7 +134,7 @@ impl Job {
         })
     }
 
-    /// Kills it so often, at moments all over its run. Half-finished work that it goes on from stays from kill to kill.
+    /// Kills it so often, at moments all over its run. Checkpoints stay from kill to kill.
     pub(crate) fn kill(&self, times: u32) {
         let took = |_| {
             let began = std::time::Instant::now();

@@ -113,7 +113,7 @@ fn an_output_that_fails_ends_alone() {
     assert_eq!(place.names("whole"), names);
 }
 
-/// A live run on a disk that fills keeps the lines that it has, and says so even if the stream breaks off.
+/// A live run on a disk that fills keeps its lines, and reports it even if the stream breaks off.
 #[test]
 fn a_live_run_on_a_full_disk_keeps_its_lines() {
     let place = Place::new();

@@ -1,4 +1,4 @@
-//! Mutations of a corpus: bits, numbers, parts doubled, left out, moved and crossed. They know nothing of what they cover.
+//! Mutations of a corpus: bits, numbers, parts doubled, left out, moved and crossed. They do not use coverage.
 
 use serde_json::Value;
 
@@ -45,7 +45,7 @@ impl Mutator {
         (self.0 >> 11) as usize % n.max(1)
     }
 
-    /// A mutation of one of the corpus. Of one that is JSON mostly JSON: what is not ends in its parser.
+    /// A mutation of an input of the corpus. JSON mostly stays JSON, because anything else ends in its parser.
     pub(crate) fn next(&mut self, corpus: &[Vec<u8>], longest: usize) -> Vec<u8> {
         let seed = &corpus[self.below(corpus.len())];
         if seed.starts_with(b"{\"") && self.below(4) > 0 {

@@ -1,8 +1,8 @@
-//! Saved states with one number that is another: still JSON, so that what comes after reading is reached.
+//! Saved states with one changed number: still JSON, so that the code after reading is reached.
 
 use serde_json::{Value, json};
 
-/// What a number of a state may not be, or may.
+/// Valid and invalid numbers of a state.
 pub(crate) fn odd() -> [Value; 9] {
     [
         json!(-1),

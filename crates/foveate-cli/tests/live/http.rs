@@ -13,7 +13,7 @@ use foveate_testing::{ffmpeg, need};
 /// How the server answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Serves {
-    /// With the length of the file, and parts of it where these are asked for.
+    /// With the length of the file, and parts of it on request.
     Ranges,
     /// With the length, always the whole file.
     Whole,
@@ -151,7 +151,7 @@ fn a_finite_file_by_http_is_tracked_as_the_file_is() {
     assert!(output.status.success() && dir.path().join("film/annotated.mp4").is_file(), "{}", text(&output.stderr));
 }
 
-/// Where nobody knows an end: all frames where they are asked for, else those that were not tracked in are counted and reported.
+/// Without a known end: all frames on request, else dropped frames are counted and reported.
 #[test]
 fn frames_of_a_stream_by_http_are_tracked_or_counted() {
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -181,7 +181,7 @@ fn a_transfer_that_breaks_off_is_an_error() {
         let tracked = boxes(dir.path(), "out").len();
         assert!((20..60).contains(&tracked), "{name}: {tracked}");
     }
-    // The index of this one is at its end, which cannot be asked for alone.
+    // The index of this one is at its end, which cannot be requested alone.
     let address = format!("{}/large.mp4", serve(dir.path(), Serves::Whole));
     let output = run(dir.path(), &[&address, "--out", "none"], vec![]);
     let message = text(&output.stderr);

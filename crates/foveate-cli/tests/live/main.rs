@@ -1,4 +1,4 @@
-//! `foveate track` of pipes and streams: what comes in, what goes out while it runs, and how it ends.
+//! `foveate track` of pipes and streams: its input, its output during the run, and its end.
 #![cfg(unix)]
 
 mod http;
@@ -257,7 +257,7 @@ fn the_boxes_do_not_depend_on_the_decoder() {
     }
 }
 
-/// A camera that sends to us, goes, and comes back: tracking goes on.
+/// A camera that sends to us, goes, and comes back: tracking continues.
 #[test]
 fn a_stream_that_breaks_off_is_opened_again() {
     need!(ffmpeg());

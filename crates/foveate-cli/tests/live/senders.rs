@@ -67,7 +67,7 @@ fn a_pipe_of_another_kind_says_what_it_is() {
         let message = text(&output.stderr);
         assert!(output.status.code() == Some(1) && message.contains(&format!("found {kind}")), "{message}");
         assert!(message.trim_end().chars().all(|c| !c.is_control()) && !message.contains("\\u{"), "{message}");
-        // The command that is named makes of it what is asked for.
+        // The command in the message converts it.
         let command = message.split('`').nth(1).expect("a command").split('|').nth(1).expect("one of ffmpeg");
         let mut child = Command::new("sh")
             .args(["-c", &format!("{command} 2>/dev/null")])
@@ -106,7 +106,7 @@ fn a_wrong_size_of_bare_pixels_is_found_before_it_is_tracked() {
     let message = text(&output.stderr);
     assert!(output.status.code() == Some(1) && message.contains("check --raw and --pix"), "{message}");
     assert!(message.contains("20 frames and 4800 bytes") && !dir.path().join("out").exists(), "{message}");
-    // Of a pipe nobody knows the length: the first frame looks skewed.
+    // The length of a pipe is unknown: the first frame looks skewed.
     for (size, doubted) in [("158x120", true), ("160x120", false)] {
         let output = run(dir.path(), &asked(size, "-"), raw.clone());
         let message = text(&output.stderr);

@@ -61,7 +61,7 @@ fn the_demo_is_honest() {
     };
     let least = error("fixed centre").min(error("random gazes"));
     assert!(error("gp-ucb") < 0.7 * least, "learning where to look pays here:\n{message}");
-    // What is said of ten seeds is what the documents have, with the command that measures it.
+    // The documents have the figures of ten seeds, with the command that measures them.
     let ten =
         message.split("One run is luck. ").nth(1).and_then(|rest| rest.split(" (docs/").next()).expect("ten seeds");
     let docs = ["README.md", "docs/looking.md"].map(|name| format!("{}/../../{name}", env!("CARGO_MANIFEST_DIR")));

@@ -1,4 +1,4 @@
-//! `foveate convert`: boxes there and back, and what is lost on the way.
+//! `foveate convert`: boxes there and back, and the losses.
 
 use std::process::{Command, Output};
 

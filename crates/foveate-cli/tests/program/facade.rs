@@ -19,7 +19,7 @@ fn place() -> tempfile::TempDir {
     folder
 }
 
-/// What a user writes.
+/// A user's program.
 fn follow(config: &str, video: &Path, first: BBox) -> foveate::Result<Vec<[f64; 5]>> {
     let mut tracker = Tracker::new(config)?;
     let mut rows = vec![];

@@ -13,7 +13,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// Blots instead of digits, as IDX files: enough for a model that knows nothing.
+/// Blots instead of digits, as IDX files: enough for an untrained model.
 fn write_digits(dir: &Path) {
     for (name, n) in [("train", 120u32), ("t10k", 20)] {
         let mut images = [2051, n, 28, 28].map(u32::to_be_bytes).concat();
@@ -58,7 +58,7 @@ fn a_track_says_what_it_follows() {
     let message = String::from_utf8_lossy(&foveate(dir, &wrong).stderr).into_owned();
     assert!(message.contains("recogniser.none=1") && message.contains("unknown field"), "{message}");
 
-    // The shipped model has the digits as classes, and the help says so.
+    // The shipped model has the digits as classes, and the help names them.
     let words = track("shipped", &["--recognise"]);
     assert!(words.contains("Recognised as digit ") && read("shipped/boxes.txt") == read("plain/boxes.txt"), "{words}");
     let warned =

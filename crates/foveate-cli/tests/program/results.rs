@@ -61,7 +61,7 @@ fn a_mistake_leaves_an_earlier_run_as_it_was() {
     let output = place.track("out", &["video"]);
     assert!(!output.status.success() && errors(&output).contains("left as it was"), "{}", errors(&output));
     assert!(files(&place, "out") == before && place.names("") == beside);
-    // Where the sixth one breaks, the frames before are kept, and a warning says that the rest is missing.
+    // Where the sixth one breaks, the frames before are kept, and a warning reports that the rest is missing.
     std::fs::copy(place.path("video/img/0003.png"), place.path("video/img/0002.png")).expect("a picture");
     std::fs::write(place.path("video/img/0006.png"), "broken").expect("a writable folder");
     assert!(!place.track("out", &["video"]).status.success());
@@ -91,14 +91,14 @@ fn files_of_an_earlier_run_go_and_others_stay() {
     let output = place.track("out", &["video", "--init", "50,60,28,28", "--init", "90,90,28,28"]);
     assert!(output.status.success(), "{}", errors(&output));
     assert_eq!(place.names("out"), ["notes.txt", "run.json", "s.json", "targets.csv", "tracks.csv", "tracks.txt"]);
-    // A source is not replaced by what is made of it.
+    // An output does not replace its source.
     place.run(&["track", "video", "-c", "c.toml", "-o", "film", "--no-report"]);
     let output = place.track("film", &["film/annotated.mp4", "--init", "50,60,28,28"]);
     assert!(!output.status.success() && errors(&output).contains("give another --out"), "{}", errors(&output));
     assert!(place.path("film/annotated.mp4").is_file());
 }
 
-/// What is read stays as it is, whatever is to be written over it.
+/// Inputs stay unchanged, even if an output has their name.
 #[test]
 fn what_is_read_is_not_written_over() {
     let place = Place::new();
@@ -168,7 +168,7 @@ fn a_killed_run_leaves_the_earlier_one_and_is_cleared_away() {
     assert!(!place.path(&part).exists());
 }
 
-/// Killed at many moments of a short run: what is there is the earlier run or the new one, never some of each.
+/// Killed at many moments of a short run, the folder holds the earlier run or the new one, never a mixture.
 #[test]
 fn whenever_it_is_killed_one_run_is_whole() {
     let place = Place::new();
@@ -221,7 +221,7 @@ fn a_run_that_is_asked_to_stop_keeps_what_it_tracked() {
     let code = run.wait().expect("it ended").code();
     let (boxes, rows) = (place.lines("out/boxes.txt"), place.lines("out/track.csv"));
     assert!(rows == boxes + 1 && boxes > 1, "{boxes} boxes, {rows} rows");
-    // It may have been asked at the last frame.
+    // The signal may have come at the last frame.
     let word = if code == Some(0) { "finished" } else { "stopped" };
     assert!(code == Some(130) || (boxes == FRAMES && code == Some(0)), "{code:?}");
     assert_eq!(ended(&place), (word.to_owned(), boxes));

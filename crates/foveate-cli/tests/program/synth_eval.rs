@@ -201,7 +201,7 @@ fn a_scene_of_many_digits_has_both_layouts() {
     let page = std::fs::read_to_string(path("scores/report.html")).expect("a report");
     assert!(page.matches("class=\"case\"").count() == 5 && page.contains("five-2"), "a section for each target");
 
-    // Beside others, all of them named at once; the second knows one target only.
+    // Beside others, all of them named at once; the second has one target only.
     for (tracker, targets) in [("still", &["five", "five-2"][..]), ("short", &["five"])] {
         std::fs::create_dir_all(path(&format!("peers/{tracker}"))).expect("a new folder");
         for target in targets {
@@ -221,7 +221,7 @@ fn a_scene_of_many_digits_has_both_layouts() {
         let read = |folder: &str| std::fs::read(format!("{folder}/{file}")).expect("written");
         assert_eq!(read(&seen), read(&out), "{file}: what was run is scored as its files are");
     }
-    // What was scored there before has gone: it was another tracker.
+    // Earlier scores are gone: they were of another tracker.
     let mut left: Vec<_> = std::fs::read_dir(&out).expect("a folder").flatten().map(|e| e.file_name()).collect();
     left.sort();
     assert_eq!(left, ["curves.svg", "run.json", "scores.json", "table.txt"]);
@@ -276,7 +276,7 @@ fn each_half_has_what_the_other_half_made() {
     assert!(!refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("takes no {other}"));
 }
 
-/// The same grid twice: the second time nothing is run, and all figures are the same. What is judged on a half was chosen on the
+/// The same grid twice: the second time nothing is run, and all figures are the same. The choice evaluated on a half was made on the
 /// other: from the figures by half, the choice can be made again by hand.
 #[test]
 fn settings_are_chosen_on_one_half_and_judged_on_the_other() {
@@ -379,7 +379,7 @@ fn parts_of_an_evaluation_are_put_together() {
         assert!(message.contains(&format!("{all} runs, {all} of them from")), "{message}");
         if choose.is_empty() {
             assert_eq!(without_times(&name("merged")), without_times(&name("whole")));
-            // What is missing is done, in the folder of a part as well.
+            // Missing runs are done, also in the folder of a part.
             let message = with(&name("1"), &["--merge", &first]);
             assert!(message.contains(&format!("6 runs, {} of them from", 6 - runs(&name("2")))), "{message}");
             assert_eq!(without_times(&name("1")), without_times(&name("whole")));
@@ -401,7 +401,7 @@ fn parts_of_an_evaluation_are_put_together() {
     assert!(!dir.path().join("wrong").exists());
 }
 
-/// Two folders of results can be told apart: by what was run, and by the data.
+/// Two folders of results can be distinguished by run and data.
 #[test]
 fn an_evaluation_records_what_was_run() {
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -492,7 +492,7 @@ fn runs_of_other_settings_are_refused() {
     assert!(run("next", &["--set", "particles=60"]).status.success());
 }
 
-/// Asked to stop, an evaluation ends after the run it is at, and the same command goes on from there.
+/// After a signal, an evaluation ends after its current run, and the same command continues from there.
 #[cfg(unix)]
 #[test]
 fn a_stopped_evaluation_goes_on() {

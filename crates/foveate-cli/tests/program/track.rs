@@ -319,7 +319,7 @@ fn a_cut_matroska_file_is_told_of() {
     assert!((5..45).contains(&lines), "{lines} frames were kept");
 }
 
-/// A target that nothing keeps in the picture: what is printed and written is in it, what is believed stands in track.csv.
+/// A target that nothing keeps in the picture: printed and written boxes are in it, the estimate is in track.csv.
 #[test]
 fn a_box_outside_the_picture_is_no_result() {
     let place = Place::new();

@@ -80,7 +80,7 @@ fn a_client_sees_the_boxes_of_track() {
         {
             assert!(hello.contains(part), "{hello}");
         }
-        // Twice: a second initialize forgets all.
+        // Twice: a second initialize resets everything.
         for _ in 0..2 {
             client.send("nobody's line\n");
             client.send(&format!("@@TRAX:initialize {} {region} \"label=3\"\n", image(&place, 1)));

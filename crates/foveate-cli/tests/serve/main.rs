@@ -1,4 +1,4 @@
-//! `foveate serve`: whom it answers, what it gives away, and what its messages do.
+//! `foveate serve`: access, served files, and messages.
 
 #[path = "../served/mod.rs"]
 mod served;
@@ -29,7 +29,7 @@ fn open(server: &Server, name: &str) -> Value {
     opened
 }
 
-/// The boxes of rows that were told of a target.
+/// The boxes of a target's reported rows.
 fn boxes_of(target: &Value) -> Vec<[f64; 4]> {
     let rows = target["rows"].as_array().expect("rows").iter();
     rows.map(|row| serde_json::from_value(row["box"].clone()).expect("a box")).collect()

@@ -1,4 +1,4 @@
-//! Malformed requests get nothing, and no other address may ask without a token.
+//! Malformed requests get nothing, and other addresses need a token.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -71,7 +71,7 @@ fn malformed(random: &mut Random, port: u16, token: bool) -> Vec<u8> {
     };
     let ours = format!("Origin: http://{host}\r\n{good_token}");
     match random.below(15) {
-        // Places outside the roots, and what is no video, by messages that are right.
+        // Paths outside the roots, and files that are no video, in valid messages.
         0 | 1 => post(&host, &ours, &json!({ "op": "open", "path": path }).to_string()).into_bytes(),
         2 => post(&host, &ours, &json!({ "op": "list", "path": path }).to_string()).into_bytes(),
         // In the place of the page.

@@ -80,7 +80,7 @@ fn a_stream_that_was_named_is_followed() {
     assert_eq!(saved["files"], json!(["boxes.txt", "track.csv", "track.jsonl"]));
     let (status, text) = server.get(&format!("/file?session={session}&name=track.jsonl"));
     assert_eq!((status, String::from_utf8_lossy(&text).lines().count()), (200, 59));
-    // What was not named is not opened.
+    // Addresses that were not named are not opened.
     for path in ["1", &address, "0/live", "/dev/video0"] {
         assert_eq!(server.ask(&json!({ "op": "open", "path": path }).to_string()).0, 400, "{path}");
     }

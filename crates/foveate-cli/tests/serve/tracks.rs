@@ -64,7 +64,7 @@ fn messages_track_correct_and_save() {
     assert_eq!(server.ask(&correction.to_string()).0, 200);
     let rest = tracked(&server, session);
     assert_eq!(rest.len(), FRAMES - 20);
-    // What is saved is what `foveate track` gives by the command that is told, and what the page showed.
+    // The saved results equal those of the printed `foveate track` command, and those on the page.
     let (_, command) = server.ask(&json!({ "op": "command", "session": session }).to_string());
     let command = command["command"].as_str().expect("a line").to_owned();
     assert_eq!(
@@ -171,7 +171,7 @@ fn one_thread_answers_while_results_are_written() {
     panic!("{:?}", leftovers(dir.path()));
 }
 
-/// Two boxes in the same frames: each gives what it gives alone, and has results of its own.
+/// Two boxes in the same frames: each has the same results as alone.
 #[test]
 fn several_targets_are_followed_at_once() {
     let dir = place();
@@ -189,7 +189,7 @@ fn several_targets_are_followed_at_once() {
     ask(start(0, 1, truth(0)));
     // As many as there is time for.
     let some = ask(json!({ "op": "step", "session": session, "frames": 12 }));
-    // Another one, later, on something else; it catches up, and both go on together.
+    // Another one, later, on something else; it catches up, and both continue together.
     let second = [40.0, 30.0, 50.0, 40.0];
     ask(start(1, 5, second));
     let mut all = [boxes_of(&some["targets"][0]), vec![]];

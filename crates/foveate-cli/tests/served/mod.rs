@@ -1,4 +1,4 @@
-//! A program that serves, and what a browser would send it.
+//! A serving program, and requests of a browser.
 #![allow(dead_code, missing_docs)] // each test takes what it needs
 
 use std::io::{BufRead, BufReader, Read, Write};

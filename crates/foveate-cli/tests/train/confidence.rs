@@ -25,7 +25,7 @@ fn fit(dir: &Path, out: &str) -> Command {
     command
 }
 
-/// Killed in the midst of its tracks, a fit goes on with those that are kept, to the same table; what is done is removed, and nothing
+/// Killed while it tracks, a fit continues with the stored tracks, to the same table; what is done is removed, and nothing
 /// else that lies there.
 #[test]
 fn a_fit_that_was_killed_goes_on() {
@@ -43,7 +43,7 @@ fn a_fit_that_was_killed_goes_on() {
     let whole = said(fit(dir.path(), "whole.toml"));
     assert!(!dir.path().join("whole.runs").exists(), "what is finished begins anew");
 
-    // Not what is being written under another name.
+    // Not files being written under another name.
     let kept = |file: &std::fs::DirEntry| file.path().extension().is_some_and(|end| end == "json");
     let runs = || std::fs::read_dir(dir.path().join("cut.runs")).map_or(0, |all| all.flatten().filter(kept).count());
     let mut child = fit(dir.path(), "cut.toml").spawn().expect("it runs");

@@ -1,4 +1,4 @@
-//! What the tests of all trainings ask.
+//! Checks that all trainings share.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;

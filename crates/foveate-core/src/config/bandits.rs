@@ -31,7 +31,7 @@ impl Default for Exp3Config {
 pub struct Exp3AsPrintedConfig {
     /// The gazes.
     pub grid: Grid,
-    /// Share of frames that explore, and learning rate, above 0 to 1. The paper gives no value.
+    /// Share of frames that explore, and learning rate, above 0 to 1.
     pub gamma: f64,
 }
 

@@ -3,7 +3,7 @@
 use super::Config;
 use foveate_base::{Error, Result};
 
-/// The configurations for any target in real video, by what they cost.
+/// The configurations for any target in real video, by their cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Profile {
@@ -69,7 +69,7 @@ impl Config {
     }
 }
 
-/// What stands for a configuration.
+/// A value that selects a configuration.
 pub trait Configure {
     /// The configuration.
     fn config(self) -> Result<Config>;

@@ -35,8 +35,7 @@ pub enum EncoderConfig {
         #[serde(default)]
         threshold: f32,
     },
-    /// First output of a network in an ONNX file. It needs a build with `--features onnx` and a retina; an input of
-    /// (N, planes, side, side) needs one window.
+    /// First output of a network in an ONNX file. It needs `--features onnx` and a retina; an input of (N, planes, side, side) needs one window.
     Onnx {
         /// The ONNX file, relative to the configuration.
         model: String,
@@ -52,7 +51,7 @@ pub enum EncoderConfig {
     },
     /// Gradients in eight directions, grey and colour. It needs a retina of one ring.
     Oriented {
-        /// What each of them counts.
+        /// The weight of each.
         #[serde(default)]
         weights: oriented::Weights,
     },

@@ -53,7 +53,7 @@ fn convolution(
     Ok((retina, Arc::new(encoder)))
 }
 
-/// The retina that a model was trained with; a configuration may ask for no other.
+/// The retina that a model was trained with; a configuration may have no other.
 fn trained_retina(weights: &str, metadata: &Metadata, given: Option<FovealConfig>, kind: &str) -> Result<Foveal> {
     let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
         Error::malformed(

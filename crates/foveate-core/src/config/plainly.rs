@@ -1,6 +1,6 @@
 //! The errors of the parser of configurations, without the names of Rust's types.
 
-/// A type as the parser calls it, and what is to be written. Of a name that ends in a space another word belongs to it.
+/// The parser's name of a type, and the expected text. A name that ends in a space includes the next word.
 const WORDS: [(&str, &str); 9] = [
     ("internally tagged enum ", "a section with `kind`"),
     ("struct ", "a section"),

@@ -63,8 +63,7 @@ pub enum PolicyConfig {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         looks: Option<f64>,
     },
-    /// Scores all gazes of the grid for some frames, then keeps the best one and learns appearance there. For a
-    /// retina that covers a part of the target.
+    /// Scores all gazes of the grid for some frames, then keeps the best one. For a retina that covers a part of the target.
     ExploreThenCommit {
         /// The gazes.
         #[serde(default)]
@@ -78,7 +77,7 @@ pub enum PolicyConfig {
     },
     /// EXP3: the reward of one gaze a frame (section 4.3), with the unbiased estimate of Auer et al.
     Exp3(Exp3Config),
-    /// EXP3 exactly as the paper prints it, which divides by another probability than it drew with.
+    /// EXP3 as printed, which divides by another probability than that of the draw.
     Exp3AsPrinted(Exp3AsPrintedConfig),
     /// EXP3-IX (Neu 2015): explores by damping its estimates.
     Exp3Ix(Exp3IxConfig),
@@ -138,7 +137,7 @@ impl PolicyConfig {
     pub(super) fn looks_often(&self) -> bool {
         matches!(self, Self::Hedge { .. } | Self::Pool { .. } | Self::Anchor { .. })
     }
-    /// Whether it may look at one place for good that is not the centre, so that all is learned anew of that place.
+    /// Whether it may commit to a gaze other than the centre, so that the appearance is learned again at that gaze.
     pub(super) fn commits_elsewhere(&self) -> bool {
         match self {
             Self::Fixed { u, v } => (*u, *v) != (0.0, 0.0),

@@ -19,7 +19,7 @@ const SIZE: [usize; 2] = [160, 120];
 const TARGET: State = State { x: 80.0, y: 60.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0, log_aspect: 0.0 };
 const EXTENT: Extent = Extent { half_w: 16.0, half_h: 16.0 };
 
-/// Fails if the features are not finite, are out of the distance's range, or do not tell the target from other places.
+/// Fails if the features are not finite, are out of the distance's range, or do not separate the target from other places.
 pub(super) fn encoder(
     retina: &dyn Retina,
     encoder: &dyn Encoder,

@@ -1,4 +1,4 @@
-//! Where the next particles are put, and what is known of the scene for it.
+//! Proposals of the next particles, and the detectors that they use.
 
 use std::sync::Arc;
 
@@ -103,7 +103,7 @@ impl DetectorParts {
             }
         }
     }
-    /// A detector that has seen these pictures of the background, and keeps what it learned from them for long; those that
+    /// A detector that has seen these pictures of the background, and keeps the background that it learned from them; those that
     /// need no background have seen nothing yet.
     pub fn knowing(&self, background: &[Image]) -> Box<dyn Detector> {
         match self.config {

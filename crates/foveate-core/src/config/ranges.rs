@@ -46,7 +46,7 @@ pub(super) fn committee<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<
     count(d, 64, "a committee of 1 to 64 trackers (3 to 7 are usual)")
 }
 
-/// Without others nobody votes.
+/// A single tracker has no vote.
 pub(super) fn alone() -> usize {
     1
 }

@@ -58,7 +58,7 @@ impl RecogniserConfig {
                 let bytes =
                     RECOGNISERS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| none_of_that_name(name))?;
                 let (rbm, about) = FixationRbm::from_bytes(bytes, Path::new(weights))?;
-                // All that ship were trained on digits alone, and their classes say so.
+                // All that ship were trained on digits alone, and have digits as classes.
                 let names = (0..rbm.classes()).map(|digit| format!("digit {digit}")).collect();
                 let machine = MultiFixation::new(Arc::new(rbm), None, about.temperature.into())?.named(names);
                 beside = PathBuf::new();
@@ -108,7 +108,7 @@ fn none_of_that_name(name: &str) -> Error {
 }
 
 impl Recogniser {
-    /// What a tracker has of it.
+    /// The part of a tracker that uses it.
     pub(super) fn recognition(&self) -> Result<Recognition> {
         let policy: Box<dyn Policy> = match (&self.policy, &self.machine) {
             (Some(config), _) => policy(config, &self.parts)?,

@@ -25,8 +25,7 @@ pub enum RecogniserConfig {
         /// Its gaze policy; by default random among the places of its training.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         policy: Option<PolicyConfig>,
-        /// Whether a change of class counts as evidence of loss. Without it the track does not depend on the
-        /// recogniser.
+        /// Whether a change of class counts as evidence of loss.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         alarm: bool,
     },
@@ -34,8 +33,7 @@ pub enum RecogniserConfig {
     Classifier {
         /// A file of `foveate train classifier`.
         weights: String,
-        /// Accumulation over frames. Errors of neighbouring frames are correlated, so by default only the last few
-        /// count.
+        /// Accumulation over frames; by default over a few, because errors of neighbouring frames are correlated.
         #[serde(default = "a_few")]
         accumulate: Accumulate,
     },

@@ -25,8 +25,7 @@ pub enum RewardConfig {
         #[serde(default = "one")]
         temperature: f64,
     },
-    /// Overlap of the box estimated from one look with that from all looks of the frame. For policies with several
-    /// gazes a frame.
+    /// Overlap of the box from one look with that from all looks of the frame. For several gazes a frame.
     Agreement {
         /// Exponent of the likelihood in the reward, 0 to 1.
         #[serde(default = "one")]

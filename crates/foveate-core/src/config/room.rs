@@ -7,7 +7,7 @@ use crate::identity::retina::Retina;
 use crate::multi::MemoryEstimate;
 use foveate_base::{Error, Result, memory};
 
-/// What a target keeps whatever its settings are; the colour model; what looking needs whatever the settings are.
+/// The fixed memory of a target; the colour model; the fixed scratch memory of a look.
 const FIXED: u64 = (28 << 10) + 256;
 const COLOURS: u64 = 128 << 10;
 const VIEWS: u64 = 2 << 20;
@@ -23,7 +23,7 @@ impl Blueprint {
         // The rows of the first frame and a triangle of sums in 16 bits; where one looks, two whole ones and what they are mixed into.
         let row = n_h as u64 + 1;
         let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (Discriminant::FIRST_ROWS * row, row * (row + 1) / 2));
-        // What is learned for now: a whole triangle.
+        // The short-term memory: a whole triangle.
         let short_term = if c.short_term.is_some() { 4 * triangle } else { 0 };
         let colours = if c.colour.is_some() { COLOURS } else { 0 };
         // Remembered places as bytes, each with its length; those of one frame as they are.
@@ -70,7 +70,7 @@ impl Blueprint {
         room.of_one(bbox, size).saturating_add(room.look)
     }
 
-    /// Fails where the settings ask for more memory than there may be, before it is taken.
+    /// Fails if the settings need more memory than the limit, before any is allocated.
     pub(super) fn fits(&self) -> Result<()> {
         let MemoryEstimate { kept, look, .. } = self.room();
         let what = format_args!(

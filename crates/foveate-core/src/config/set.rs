@@ -44,7 +44,7 @@ pub fn changed<T: Serialize + DeserializeOwned>(settings: &T, setting: &str) -> 
     } else {
         table.insert(last.into(), value);
     }
-    // Its place in text that nobody wrote is of no use.
+    // A position in generated text does not help the user.
     let text = toml::to_string(&whole).expect("it is a table");
     toml::from_str(&text).map_err(|e| wrong(Config::problem(e.message())))
 }

@@ -43,7 +43,7 @@ pub(crate) struct Candidates {
     /// Distances of neighbouring places, and halves of the box, across and down, pixels.
     pub(super) apart: (f64, f64),
     pub(super) half: (f64, f64),
-    /// What was searched, template units².
+    /// The searched area, template units².
     pub(super) area: f64,
 }
 
@@ -127,7 +127,7 @@ impl Candidates {
     }
     /// After [`Candidates::best`]: draws a share of `states`, every so many, again from the best places whose log-likelihood is at least `least`, each
     /// from a stream of its own. `which` gets their indices, none where nothing fits, and `log_prior` the log p/q of these.
-    /// Speed and angle of a state stay what they were; its size and shape are the place's.
+    /// The state keeps its speed and angle, and takes size and shape of the place.
     pub(crate) fn draw(
         &mut self,
         least: f64,

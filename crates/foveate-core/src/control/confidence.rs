@@ -46,7 +46,7 @@ pub struct TrackConfidence {
     pub own: f64,
     /// The reported status. It follows from the series of `p_lost` alone: see [`ConfidenceModel::status`].
     pub status: Status,
-    /// What the probability was made of.
+    /// The cues of the probability.
     pub cues: Cues,
 }
 

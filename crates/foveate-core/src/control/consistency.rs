@@ -56,7 +56,7 @@ pub struct ConsistencyMonitor {
     pub(crate) state: ConsistencyState,
 }
 
-/// What is remembered between frames.
+/// The state between frames.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ConsistencyState {
@@ -206,7 +206,7 @@ mod tests {
         assert!(!v.learns(0, false) && !v.learns(0, true));
     }
 
-    /// Noise takes half of what was promised, as it does from frame 2 on: usual after some frames, and a loss is still one.
+    /// Noise halves the reference evidence from frame 2 on: after some frames that is usual, and a loss is still detected.
     #[test]
     fn what_is_usual_is_no_loss() {
         let mut v = ConsistencyMonitor::new(ConsistencySettings::default());

@@ -23,7 +23,7 @@ use foveate_base::error::within;
 pub struct DetectionLikelihood {
     /// Standard deviation of a detection's centre, in half sides of its box, 0.01 to 10.
     pub place: f64,
-    /// Standard deviation of its log size; set it large if the detector's sizes are unreliable, 0.01 to 100.
+    /// Standard deviation of its log size; large for unreliable sizes, 0.01 to 100.
     pub size: f64,
     /// Lower bound of the likelihood far from all detections, relative to the peak, 1e-9 to 1.
     pub outlier: f64,

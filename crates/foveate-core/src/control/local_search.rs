@@ -30,8 +30,7 @@ pub struct LocalSearchSettings {
     pub places: usize,
     /// Standard deviation about a place, above 0 to 10.
     pub spread: f64,
-    /// P(lost) of the previous frame from which on this search ignores `[short_term]`, which may have learned an
-    /// occluder, 0 to 1.
+    /// P(lost) of the previous frame from which on this search ignores `[short_term]`, 0 to 1.
     pub doubt: f64,
 }
 

@@ -14,7 +14,7 @@
 //! where d was measured with the deviations `spread` and `size`. That is the proposal of the unscented particle filter (van der Merwe,
 //! Doucet, de Freitas & Wan 2000; section 5.1 of the paper): dynamics and measurement (centre and logarithm of size) are linear with normal
 //! noises here, so that the unscented transform is exact, and the Kalman filter. Where detections are precise beside the motion it is
-//! nearly the same; where they are not, its children lie between what the parent expects and the detection.
+//! nearly the same; where they are not, its children lie between the parent's prediction and the detection.
 //!
 //! Only detections within `gate` of the predicted position count, with equal weight: scores of different detectors
 //! have no common unit, and the likelihood decides between them. A parent without detections uses p alone.
@@ -44,8 +44,7 @@ pub struct Mixing {
     pub alpha: f64,
     /// Standard deviation of their positions about the detection's centre, 0.01 to 10.
     pub spread: f64,
-    /// Standard deviation of their log scale about that of the detection, 0.001 to 5. If left out, or if the
-    /// dynamics keep the size, the detection's size is ignored.
+    /// Standard deviation of their log scale about that of the detection, 0.001 to 5. By default the detection's size is ignored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size: Option<f64>,
     /// Largest distance of a detection from a particle's predicted position, 0 to 1000.

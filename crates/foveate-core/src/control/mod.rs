@@ -109,7 +109,7 @@ fn deviation(a: &State, b: &State) -> [f64; State::N] {
 /// From log weights to weights of sum 1. Returns log Σ exp, which is the log evidence if the log weights are log
 /// (wₜ₋₁ p/q p(h | x, a)).
 ///
-/// The sum runs in a fixed order. What is not finite weighs nothing; if nothing is finite, no particle explains
+/// The sum runs in a fixed order. Weights that are not finite become 0; if none is finite, no particle explains
 /// the frame: the weights are uniform and −∞ is returned. Both slices have the same, non-zero length.
 pub fn normalize(log_weights: &[f64], weights: &mut [f64]) -> f64 {
     assert_eq!(log_weights.len(), weights.len(), "one weight for each log weight");

@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// q = p). Randomness comes from `streams` alone, stream i for the i-th chunk of [`CHUNK`] particles, so that
 /// neither the number of threads nor of particles changes a child. All three slices have the same length.
 pub trait Proposal: Send + Sync {
-    /// Told at the start: one template unit is `unit` pixels.
+    /// Sets the scale at the start: one template unit is `unit` pixels.
     fn size(&mut self, unit: f64);
     /// The density of several frames without detections, independent of the picture; `None` without a closed form.
     fn over(&self, _frames: usize) -> Option<Leap> {

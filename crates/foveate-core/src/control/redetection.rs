@@ -124,7 +124,7 @@ impl Redetection {
         }
         states
     }
-    /// Returns what is remembered between frames.
+    /// Returns the state between frames.
     pub(crate) fn state(&self) -> SearchState {
         SearchState { searches: self.searches, found: self.candidates.found().collect() }
     }
@@ -135,7 +135,7 @@ impl Redetection {
     }
 }
 
-/// What a search remembers between frames.
+/// The state of a search between frames.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SearchState {
     searches: u64,

@@ -8,13 +8,13 @@ use super::{deviation, normalize};
 use crate::geometry::{Extent, State};
 use foveate_base::{Error, Result};
 
-/// What a look was worth.
+/// The reward of a look.
 ///
 /// The result must be in [0, 1], must depend on states and weights alone (not on their order), and must
 /// not change when a constant is added to either list of logarithms.
 pub trait Reward: Send + Sync {
     /// The reward of a gaze. `log_prior` is log wₜ₋₁ + log p/q of each particle, `log_likelihood` that of what the
-    /// gaze saw there, in nats; as many as states, at least one. `believed` is where the target is believed to be after all looks of
+    /// gaze saw there, in nats; as many as states, at least one. `believed` is the estimated place of the target after all looks of
     /// the frame, and half its size at scale 1.
     fn reward(
         &mut self,
@@ -219,7 +219,7 @@ mod tests {
                 assert!((r - exact).abs() < 1e-12, "{r} is not {exact} at temperature {temperature}");
             }
         }
-        // The temperature softens the look, not what was known before: the same weights from the prior.
+        // The temperature softens the look, not the prior: the same weights from the prior.
         let exact = [0.34, exact[1], 0.0];
         for (reward, exact) in all(0.5).iter_mut().zip(exact) {
             let r = reward.reward(&states, &sides(4.0), &[-3.0; 4], ANYWHERE);
@@ -238,8 +238,8 @@ mod tests {
         assert_eq!(all(1.0)[2].reward(&[State::default(); 4], &[0.0; 4], &sides(4.0), ANYWHERE), 0.0);
     }
 
-    /// Two boxes of 4 × 2, one where the target is believed to be and one beside it by a quarter of its width: IoU 1 and 0.6. A look
-    /// that believes in the second with three quarters earns 0.25 + 0.75 · 0.6; one that is sure of a place far away earns nothing.
+    /// Two boxes of 4 × 2, one at the estimated place of the target and one beside it by a quarter of its width: IoU 1 and 0.6. A look
+    /// with three quarters of its weight on the second earns 0.25 + 0.75 · 0.6; one with all weight at a distant place earns nothing.
     #[test]
     fn agreement_is_the_mean_overlap() {
         let extent = Extent { half_w: 2.0, half_h: 1.0 };

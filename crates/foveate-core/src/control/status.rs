@@ -121,7 +121,7 @@ mod tests {
         let last = p.len() - 1;
         // The frames in a row, up to this one, that are as it.
         let run = |end: usize| (0..=end).rev().take_while(|t| usable(*t) == usable(end)).count();
-        // Whether the loss that ends in this frame is reported as lost there: it is long, or what was before it was reacquired.
+        // Whether the loss that ends in this frame is reported as lost there: it is long, or the status before it was reacquired.
         fn is_lost(end: usize, run: &dyn Fn(usize) -> usize, patience: usize) -> bool {
             let before = end + 1 - run(end);
             run(end) > patience || (before > 0 && is_reacquired(before - 1, run, patience))

@@ -57,7 +57,7 @@ impl Extras {
         Estimate { mean, covariance, ..estimate }
     }
 
-    /// Returns what is known of the error of a reported place.
+    /// Returns the inputs of the error of a reported place.
     pub(super) fn evidence(&self, estimate: &Estimate, extent: Extent) -> PlaceEvidence {
         let (c, (half_w, half_h)) = (&estimate.covariance, estimate.mean.half(extent));
         let [right, down, ..] = self.box_regression.as_ref().map_or([0.0; 4], BoxRegression::errors);

@@ -29,7 +29,7 @@ pub struct Filter {
     pub(super) state: FilterState,
 }
 
-/// What a filter keeps between frames.
+/// The state of a filter between frames.
 #[derive(Serialize, Deserialize)]
 pub(super) struct FilterState {
     /// xₜ⁽ⁱ⁾ and log wₜ⁽ⁱ⁾.

@@ -230,7 +230,7 @@ fn a_lost_target_keeps_its_size() {
     }
 }
 
-/// The short-term memory is left out, scaled by the visible fraction as all evidence is: the rest does not depend on what it learned.
+/// The short-term memory is left out, scaled by the visible fraction as all evidence is: the rest does not depend on its learning.
 #[test]
 fn the_evidence_leaves_out_the_short_term_memory() {
     for fraction in [1.0, 0.6] {
@@ -246,7 +246,7 @@ fn the_evidence_leaves_out_the_short_term_memory() {
     }
 }
 
-/// What the second tracker learned is reset if the first one was misled.
+/// The second tracker's appearance is reset if the first tracker was on a wrong object.
 #[test]
 fn a_misled_tracker_resets_the_memory_of_its_second() {
     for misled in [false, true] {
@@ -316,7 +316,7 @@ pub(super) fn beside(remembers: bool) -> Monitor {
     monitor
 }
 
-/// Particles are drawn again at a better place, unless what is there was beside the target before, or the target is mostly occluded.
+/// Particles are drawn again at a better place, unless the patch there was beside the target before, or the target is mostly occluded.
 #[test]
 fn the_local_search_takes_a_new_place_of_a_visible_target() {
     for (remembers, fraction, leaps) in [(false, 1.0, true), (true, 1.0, false), (false, 0.3, false)] {
@@ -339,7 +339,7 @@ fn particles_drawn_again_have_the_detection_likelihood() {
     }
 }
 
-/// The search for a lost target goes on while another place in the picture fits best.
+/// The search for a lost target continues while another place in the picture fits best.
 #[test]
 fn a_search_does_not_end_beside_the_best_place() {
     for elsewhere in [false, true] {
@@ -384,7 +384,7 @@ fn waiting_particles_catch_up() {
     assert!((2.5..5.0).contains(&further), "{further}");
 }
 
-/// A network that counts for returns alone is asked in each frame of a search, and in no other.
+/// A network that counts for returns alone runs in each frame of a search, and in no other.
 #[test]
 fn the_box_regression_is_asked_while_the_target_is_lost() {
     use crate::identity::box_regression::Settings;

@@ -34,10 +34,9 @@ pub struct Bayes {
     /// After a reward this many deviations below the mean, the next frame does not explore.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub guard: Option<f64>,
-    /// How far the evidence deficit reduces exploration: at full deficit √βₜ is multiplied by 1 − caution, 0 to 1.
+    /// Reduction of exploration by the evidence deficit: at full deficit √βₜ is multiplied by 1 − caution, 0 to 1.
     pub caution: f64,
-    /// Prior mean at a gaze with saliency one deviation above the mean, in deviations of the process. The first
-    /// gazes follow it, 0 to 10.
+    /// Prior mean at a gaze with saliency one deviation above the mean, in deviations of the process, 0 to 10.
     pub saliency: f64,
     /// Like `saliency`, with the reward of each gaze in frame 1 under a position uncertainty of a tenth of the box.
     /// Not with a sensor, 0 to 10.

@@ -17,7 +17,7 @@ pub(super) struct Gains {
     pub(super) p: Vec<f64>,
 }
 
-/// What is learned; p follows from it.
+/// The learned gains; p follows from them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct GainsState {
     /// G, or an estimate of it.

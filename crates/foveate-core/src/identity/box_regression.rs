@@ -122,7 +122,7 @@ struct Correction {
     errors: [f64; 4],
 }
 
-/// What a box regression keeps between frames.
+/// The state of a box regression between frames.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct BoxState {
     /// The features of the target's own picture; empty without a target.
@@ -190,7 +190,7 @@ impl BoxRegression {
             let Answer { offset: [u, v], log_scale, half_log_aspect, log_spread, lost } = answer;
             self.state.correction.errors = log_spread.map(|x| f64::from(x).exp().min(MOST_ERROR));
             let there = 1.0 / (1.0 + f64::from(lost).exp());
-            // A network that was made by somebody else may say anything.
+            // A network from elsewhere may return any numbers.
             let found = [u, v, log_scale, half_log_aspect].map(|x| {
                 if x.is_finite() && there.is_finite() { there * f64::from(x).clamp(-FARTHEST, FARTHEST) } else { 0.0 }
             });

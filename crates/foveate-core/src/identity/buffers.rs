@@ -7,7 +7,7 @@ use super::discriminant::Learning;
 use super::views::{Apart, Views};
 use crate::scene::Image;
 
-/// Room to look in: views of the frame, glimpses and features, sums to learn from. What is in it means nothing to the next target.
+/// Scratch buffers of a look: views of the frame, glimpses and features, sums to learn from. The next target ignores their content.
 #[derive(Default)]
 pub struct Buffers {
     pub(super) views: Views,

@@ -1,7 +1,7 @@
 //! Calibration of the likelihood's sharpness on the first frame, from the scene itself.
 //!
 //! The printed likelihood exp(−d) tracks nothing, and no single sharpness fits clean and noisy videos (findings of
-//! the prototype: 60 and 30). What a distance is worth can be read off the first frame: `on` is the distance
+//! the prototype: 60 and 30). The scale of distances follows from the first frame: `on` is the distance
 //! about a pixel from the target, `off` the distance to other places of the scene. The sharpness is chosen so
 //! that the gap between the two is a stated number of nats.
 
@@ -50,7 +50,7 @@ pub struct Found {
 }
 
 impl Calibration {
-    /// The sharpness for what was found.
+    /// The sharpness for the measured distances.
     pub fn sharpness(&self, found: &Found) -> f64 {
         (self.nats / (found.off - found.on).max(1e-6)).clamp(self.least, self.most)
     }

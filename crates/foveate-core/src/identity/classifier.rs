@@ -1,4 +1,4 @@
-//! What is it, of the user's own classes? Logistic regression on the first layer's features of one look (section 2.2).
+//! Classifies the target into the user's own classes: logistic regression on the first layer's features of one look (section 2.2).
 //!
 //! log p(y | x) of the last look alone: looks add up over frames outside (`identity/accumulate.rs`). The names of the classes
 //! are in the model file, beside the retina and the first layer that it reads.
@@ -28,7 +28,7 @@ pub struct About {
     pub metadata: Metadata,
     /// The first layer of its input features, as JSON. Not used here.
     pub first_layer: String,
-    /// What the classes are called, in their order.
+    /// Names of the classes, in their order.
     pub names: Vec<String>,
 }
 

@@ -81,7 +81,7 @@ struct Histograms {
     around: Vec<f32>,
 }
 
-/// What a colour model has learned.
+/// The learned histograms of a colour model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct ColourState {
     first: Histograms,
@@ -112,7 +112,7 @@ pub struct Colour {
     pub(super) counts: Counts,
 }
 
-/// What is counted in one frame.
+/// The counts of one frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Counts {
     now: Histograms,
@@ -173,12 +173,12 @@ impl Colour {
         sums.fill(image, region, step, &self.parts, &mut self.counts.bins);
     }
 
-    /// What the cue counts: its mixing weight, the less the smaller the contrast of frame 1 is.
+    /// The mixing weight of the cue, smaller for a smaller contrast of frame 1.
     pub fn weight(&self) -> f64 {
         self.settings.mixing_weight * self.trust()
     }
 
-    /// What the contrast of frame 1 makes of the cue, 0 to 1.
+    /// The factor of the cue by the contrast of frame 1, 0 to 1.
     pub fn trust(&self) -> f64 {
         (self.state.contrast / FULL).min(1.0)
     }

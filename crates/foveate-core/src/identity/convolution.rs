@@ -1,7 +1,7 @@
 //! A convolutional first layer: filters on the patches of every ring, and pooling (Coates, Ng & Lee 2011).
 //!
 //! Each ring of the retina is a small image, its hole filled with the means of the finer cells there. A patch at every place
-//! of each image is normalised, and meets the filters; what they say is averaged over the cells of a grid, `pool` × `pool` to
+//! of each image is normalised, and is filtered; responses are averaged over the cells of a grid, `pool` × `pool` to
 //! an image. A row has images × pool² × n features, at least 0, in this order. A filter means the same at every place and
 //! in every ring, so that a model serves any retina. A filter d (k-means) of a whitened patch x gives max(0, d·x − threshold).
 
@@ -198,7 +198,7 @@ impl ConvolutionEncoder {
         };
         let (patches, whitening) = (Patches::new(cells, side, pool)?, model.whitening());
         // A patch p with gain g is whitened to (g (p − its mean) − m) A, and the responses of the filters D are that times D: one product with
-        // what is left of A D when the mean of each column is taken out.
+        // A D without the mean of each column.
         let filters = model.filters().data();
         let mut responses = vec![0.0; n_p * k];
         rows_times(whitening.matrix(), filters, &mut responses);

@@ -271,7 +271,7 @@ mod tests {
     #[test]
     fn it_is_ridge_regression() {
         let settings = Settings { ridge: 0.5, learning_rate: 0.3, first_frame_weight: 0.4, ..Settings::default() };
-        // v vᵀ, and what each feature varies by itself.
+        // v vᵀ, and the variance of each feature.
         let of = |i: usize, j: usize| 0.2 * (i + 1) as f32 * (j + 1) as f32 + if i == j { 0.3 } else { 0.0 };
         let varying: Arc<[f32]> = (0..N).flat_map(|i| (0..=i).map(move |j| of(i, j))).collect();
         for (frames, within, dropout, variation) in [
@@ -325,7 +325,7 @@ mod tests {
         let mut wider = Discriminant::new(Settings::default(), vec![N]);
         let said = wider.load(&it.save()).expect_err("another width").to_string();
         assert!(said.contains("385 numbers where this tracker has 440"), "{said}");
-        // Packed between frames it goes on as what was saved of it does, and nearly as what was never packed.
+        // Packed between frames it continues as its saved state does, and nearly as one that was never packed.
         let mut packed = it.clone();
         packed.compact();
         assert!(packed.first.gram.is_empty() && packed.recent.gram.is_empty());

@@ -1,4 +1,4 @@
-//! What a retina needs of a pyramid.
+//! The levels and rectangles of a pyramid that a retina reads.
 
 /// What one pyramid level must average.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -55,7 +55,7 @@ pub struct GazeAppearance {
     setting: Sharpness,
     discounting_background: f32,
     kept: Option<Template>,
-    /// Of the kept picture, once another gaze than the centre was asked for or until it is compacted.
+    /// Of the kept picture, after a gaze other than the centre, or until it is compacted.
     template: Option<Pyramid>,
     moves: bool,
     scratch: Scratch,
@@ -65,7 +65,7 @@ pub struct GazeAppearance {
     colour: Option<Colour>,
     #[cfg(feature = "learn")]
     training: Option<Training>,
-    /// Gazes move what a sensor reads, and the retina stays at the centre.
+    /// Gazes move the sensor's window, and the retina stays at the centre.
     steady: bool,
 }
 
@@ -93,7 +93,7 @@ struct Scratch {
 }
 
 impl GazeAppearance {
-    /// Puts the parts together. Fails where the encoder does not take what the retina gives.
+    /// Joins the parts. Fails if the encoder does not fit the retina.
     pub fn new(
         retina: Arc<dyn Retina>,
         encoder: Arc<dyn Encoder>,
@@ -134,7 +134,7 @@ impl GazeAppearance {
     /// Takes this share (0 to 1) off whatever was already there in the first frame, pixel by pixel, before looking: for a
     /// fixed camera, what has not changed since then cannot be the target that has moved.
     ///
-    /// Not in the paper, which finds its targets by motion but then forgets that they move. Without it a static thing
+    /// Not in the paper, which finds its targets by motion but does not use the motion later. Without it a static thing
     /// beneath the target in the first frame, part of the template, holds the tracker back.
     pub fn with_background_discount(self, share: f32) -> Self {
         Self { discounting_background: share, ..self }
@@ -286,7 +286,7 @@ impl Appearance for GazeAppearance {
     fn extend(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
-        // What was dimmed when the frame was seen first is still there.
+        // Pixels dimmed at the first look are still dimmed.
         let Buffers { views, dimmed, .. } = &mut self.buffers;
         views.see_more(dimmed.as_ref().unwrap_or(image), states, gazes, looks, self.colour.as_mut());
     }

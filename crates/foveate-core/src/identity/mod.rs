@@ -56,7 +56,7 @@ use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 
-/// One look, kept: what the fovea saw and what the first layer made of it.
+/// A stored look: the glimpse and its features.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Percept {
     /// Where it looked.
@@ -108,7 +108,7 @@ pub trait Appearance: Send + Sync {
     fn prepare(&mut self, image: &Image, states: &[State], gazes: &[Gaze]);
     /// log p(hₜ | xₜ, aₜ) in nats, up to a constant, for each state.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
-    /// Prepares the parts of the last prepared frame that more states need. What was prepared before may be discarded.
+    /// Prepares the parts of the last prepared frame that more states need. Parts prepared before may be discarded.
     fn extend(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         self.prepare(image, states, gazes);
     }
@@ -136,7 +136,7 @@ pub trait Appearance: Send + Sync {
     fn commit_gaze(&mut self, _gaze: Gaze, _streams: Streams) -> Option<ReferenceLikelihood> {
         None
     }
-    /// What it learns while tracking; `None` if it learns nothing after the first frame.
+    /// The part that learns while tracking; `None` if nothing is learned after the first frame.
     fn memory(&mut self) -> Option<&mut dyn Memory> {
         None
     }
@@ -187,14 +187,14 @@ pub trait Memory {
     fn forget_short_term(&mut self) {}
 }
 
-/// What is it called? From looks at the target to the probabilities of classes (section 2.2).
+/// Computes probabilities of classes from looks at the target (section 2.2).
 ///
 /// It remembers a few looks, and the probabilities must depend on these alone. It takes any gaze, so that continuous policies can
 /// recognise too. `conformance::recognizer` is its law.
 pub trait Recognizer: Send + Sync {
     /// n_c, at least 2.
     fn classes(&self) -> usize;
-    /// What the classes are called, in their order; empty where they have numbers alone.
+    /// Names of the classes, in their order; empty if they have numbers only.
     fn names(&self) -> &[String] {
         &[]
     }

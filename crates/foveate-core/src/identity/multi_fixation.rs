@@ -1,4 +1,4 @@
-//! What is it? From the last Δ looks to the probabilities of classes (section 2.2).
+//! Computes probabilities of classes from the last Δ looks (section 2.2).
 //!
 //! Either the multi-fixation RBM includes the classes, and p(y | x) is exact (Larochelle & Hinton 2010), or it was
 //! trained without them and a logistic regression reads its hidden units (the paper). In both cases log-probabilities

@@ -1,4 +1,4 @@
-//! The first layer goes on being trained while it tracks (section 7, future work): settings, and the machine with its encoder.
+//! Trains the first layer while tracking (section 7, future work): settings, and the machine with its encoder.
 //!
 //! Rows are looks at the target: nine in the newest frame, at the estimate and about it, and the same nine in the first frame, so that
 //! what the template shows is not forgotten. Eight looks at places beside the target are what several particles are compared by.
@@ -24,13 +24,13 @@ use crate::saved_state::SavedState;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// How many RBMs there are, 1 to 64: 1 follows the stochastic gradient, several are particles of a filter over its parameters.
+    /// Number of RBMs, 1 to 64: 1 follows the stochastic gradient, several are particles of a filter over the parameters.
     pub particles: usize,
-    /// Learning rate: step along the mean gradient of a frame's looks, 0 to 1.
+    /// Step along the mean gradient of a frame's looks, 0 to 1.
     pub learning_rate: f32,
-    /// Standard deviation of the noise on the hidden biases in a frame, where there are several particles; 0 to 1.
+    /// Standard deviation of the noise on the hidden biases in a frame, for several particles, 0 to 1.
     pub noise: f32,
-    /// How far from the estimate looks at the target are, template units; 0 to 1.
+    /// Largest distance of looks at the target from the estimate, template units, 0 to 1.
     pub reach: f64,
     /// Evidence deficit above which a frame is not learned, 0 to 2.
     pub gate: f64,
@@ -87,7 +87,7 @@ impl Training {
         grid(self.settings.reach).chain(grid(BESIDE).filter(|at| *at != (0.0, 0.0)))
     }
 
-    /// Forgets what it learned.
+    /// Resets the machine to its pretrained state.
     pub(super) fn reset(&mut self, streams: Streams) -> Arc<dyn Encoder> {
         self.seed = streams.at(0, Purpose::Train).rng(0).random();
         self.rbm = begin(self.settings, &self.pretrained, self.seed);
@@ -106,7 +106,7 @@ impl Training {
         Arc::new(self.pretrained.with(self.rbm.mean()))
     }
 
-    /// What it learned.
+    /// The learned machine.
     pub(super) fn save(&self) -> SavedState {
         let (steps, particles) = self.rbm.particles();
         let particles = particles.iter().map(|Particle { rbm, log_weight }| SavedParticle {

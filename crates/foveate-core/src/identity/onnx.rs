@@ -1,6 +1,6 @@
 //! Deep features: a network from an ONNX file as the first layer.
 //!
-//! | its input | what it is fed |
+//! | its input | content |
 //! | --- | --- |
 //! | (N, C, S, S) | the planes of a retina of one window of S × S cells, 0 to 1: grey, or red, green, blue where the retina has a window of colour of the same cells |
 //! | (N, n) | the n values of a glimpse of any retina, 0 to 1, in the retina's order |
@@ -28,7 +28,7 @@ pub enum Planes {
     Opponent,
 }
 
-/// Fails where what is taken off the planes and what they are divided by are no numbers for that: none, one for all, or one a plane.
+/// Fails if the offsets or divisors of the planes are not none, one for all, or one a plane.
 #[cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "nothing is normalised for no network"))]
 pub(crate) fn check_normalisation(mean: &[f32], std: &[f32], planes: usize) -> Result<()> {
     for (key, values, least, most) in [("encoder.mean", mean, -1e6, 1e6), ("encoder.std", std, 1e-6, 1e6)] {

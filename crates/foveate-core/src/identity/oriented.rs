@@ -18,7 +18,7 @@ use super::encoder::Encoder;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
-/// What each part of the features counts.
+/// The weight of each part of the features.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Weights {

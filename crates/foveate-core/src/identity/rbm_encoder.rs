@@ -13,8 +13,7 @@ use super::encoder::{Channels, Encoder};
 pub enum Precision {
     /// Full precision.
     F32,
-    /// 8 significant bits. Features differ by 4e-4 (root mean square). A frame takes three fifths of the time on
-    /// processors with bf16.
+    /// 8 significant bits. Features differ by 4e-4 (root mean square). Faster on processors with bf16.
     #[default]
     Bf16,
 }

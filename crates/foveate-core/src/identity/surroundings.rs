@@ -1,8 +1,8 @@
 //! Remembers the places around the target in confident frames. A patch that was seen beside the target then cannot be
 //! the target now.
 //!
-//! A thing is at one place at a time. If what is at the estimate now could be seen beside the target some frames ago, it is not the
-//! target, however well it fits what was learned since. Of a remembered frame a with the features of places at the target, Tₐ, and
+//! An object is at one place at a time. If the patch at the estimate was visible beside the target some frames ago, it is not the
+//! target, however well it fits the learned appearance. Of a remembered frame a with the features of places at the target, Tₐ, and
 //! around it, Sₐ, features h of the estimate get
 //! ```text
 //! max cos(h, s) over s in Sₐ − max cos(h, t) over t in Tₐ

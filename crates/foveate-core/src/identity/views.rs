@@ -81,7 +81,7 @@ impl Looks<'_> {
         Wanted { unit: middle.half(self.extent), margin, step: step(least) }
     }
 
-    /// What the colour model needs at a state, cut to the picture.
+    /// The rectangle that the colour model reads at a state, cut to the picture.
     fn ring(&self, Size { width, height }: Size, s: &State) -> [f64; 4] {
         let (w, h) = s.half(self.extent);
         let (w, h) = (RING * w, RING * h);
@@ -241,7 +241,7 @@ impl Views {
         self.views[..self.used].iter().find(|view| view.pyramid.holds(region, looks.footprints, wanted.unit))
     }
 
-    /// Counts what was read of pictures since it was asked last.
+    /// Counts the values read of pictures since the last call.
     pub(super) fn measure(&mut self, meter: &mut Meter) {
         meter.add_all(&self.read);
         self.read.clear();
@@ -257,7 +257,7 @@ impl Views {
         &self.views[k]
     }
 
-    /// In which rectangle a state is to be looked at, of those that have it the newest.
+    /// The newest rectangle that contains a state.
     pub(super) fn of(&self, state: &State, gaze: Gaze, looks: Looks<'_>, colours: bool) -> usize {
         if self.used == 1 {
             return 0;

@@ -28,8 +28,7 @@ pub struct Settings {
     pub weak: f64,
     /// Interval of the detector in frames. Frames between do not count as frames without a detection, 1 to 1000.
     pub every: usize,
-    /// Whether the detector may merge targets into one box, as motion does. A box that holds most of two or more
-    /// targets is then assigned to none.
+    /// Whether the detector may merge targets, as motion does: a box that holds most of several targets is assigned to none.
     pub merges: bool,
     /// The targets that are updated if there are too many for every frame.
     pub attention: Attention,
@@ -51,7 +50,7 @@ pub struct Initiation {
     pub hits: usize,
     /// Detector frames that they may span, at least `hits`.
     pub within: usize,
-    /// Least movement since the first of them; a box that never moves is a change of the background, 0 to 100.
+    /// Least movement since the first of them, 0 to 100.
     pub moved: f64,
     /// IoU with an active target that prevents a start, 0 to 1.
     pub overlap: f64,
@@ -59,7 +58,7 @@ pub struct Initiation {
     pub covered: f64,
     /// Least mean rank of their scores, 0 to 1.
     pub rank: f64,
-    /// Mean rank from which on only an active target with nearly the same box prevents a start; never above 1, 0 to
+    /// Mean rank from which on only a target with nearly the same box prevents a start; never above 1, 0 to
     /// 2.
     pub strong: f64,
     /// Least width and height in pixels, 2 to 10000.
@@ -76,8 +75,7 @@ pub struct Termination {
     pub lost: usize,
     /// Consecutive detector frames without a detection before a track ends.
     pub unseen: usize,
-    /// Detector frames without a detection after which the box counts as a guess. Without a detector appearance
-    /// alone decides.
+    /// Detector frames without a detection after which the box counts as a guess.
     pub guess: usize,
     /// Least share of the box inside the picture, 0 to 1.
     pub inside: f64,
@@ -89,7 +87,7 @@ pub struct Termination {
 pub struct Reidentification {
     /// Frames for which a terminated target is remembered.
     pub frames: usize,
-    /// Similarity at which a new track is a remembered target; 1 is that of frame 1, never above 1, 0 to 2.
+    /// Similarity at which a new track is a remembered target; 1 is that of frame 1, 0 to 2.
     pub similarity: f64,
 }
 
@@ -97,15 +95,13 @@ pub struct Reidentification {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Occlusion {
-    /// Weight of the lower edge in the depth order: one box height counts as this difference in similarity. For
-    /// objects that stand on the ground, 0 to 100.
+    /// Weight of the lower edge in the depth order, similarity per box height. For objects on the ground, 0 to 100.
     pub ground: f64,
     /// Advantage of the target in front in the last frame, in similarity, 0 to 2.
     pub habit: f64,
     /// Visible share below which a target counts as hidden, 0 to 1.
     pub hidden: f64,
-    /// Share of each target's template that is subtracted before the others are scored. For bright objects on dark.
-    /// Above 0, occluded targets are tested for loss, 0 to 1.
+    /// Share of each target's template that is subtracted before the others are scored. For bright objects on dark, 0 to 1.
     pub explain: f64,
 }
 

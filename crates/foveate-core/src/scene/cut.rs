@@ -27,7 +27,7 @@ impl Default for Cuts {
 }
 
 impl Cuts {
-    /// Whether this frame does not go on from the one before; the first one does.
+    /// Whether this frame begins a new shot; the first frame does not.
     pub fn cut(&mut self, image: &Image) -> bool {
         let now = small(image);
         let Some(before) = self.before.replace(now) else { return false };

@@ -65,7 +65,7 @@ pub trait Detector: Send + Sync {
     fn map(&self) -> &Map;
 }
 
-/// What a candidate's score is.
+/// The meaning of a candidate's score.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Score {
     /// The largest value in it.
@@ -79,7 +79,7 @@ pub enum Score {
 pub struct Blobs {
     /// Parts of fewer pixels than this are dropped.
     pub min_area: usize,
-    /// What a part's score is.
+    /// The meaning of a part's score.
     pub score: Score,
     seen: Vec<bool>,
     stack: Vec<usize>,

@@ -288,7 +288,7 @@ impl Difference {
         if !both(shares[first]) {
             return whole;
         }
-        // An even thing is lighter than what it leaves and comes to, or darker: the signs of the difference tell them apart.
+        // A uniform object is lighter or darker than the background on both sides: the sign of the difference separates the two.
         let [a, b] = &self.pictures;
         let signs = [true, false].map(|lighter| -> Vec<bool> {
             self.changed.iter().zip(a).zip(b).map(|((changed, a), b)| *changed && (a > b) == lighter).collect()
@@ -368,7 +368,7 @@ mod tests {
         conformance::detector(&|| Box::<Motion>::default());
     }
 
-    /// A block that is darker or lighter than what is around it moves by less than its size, by about that, and by more.
+    /// A block that is darker or lighter than its surroundings moves by less than its size, by about that, and by more.
     #[test]
     fn the_first_box_is_where_it_was() {
         let mut few = 0;

@@ -48,7 +48,7 @@ pub struct Settings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layout {
-    /// `yolov8` or `yolov5`, by the shape. Boxes of six numbers are ambiguous (`yolov5` with one class, `end-to-
+    /// `yolov8` or `yolov5`, by the shape. Six numbers a box are ambiguous (`yolov5` with one class, `end-to-
     /// end`): name the layout.
     #[default]
     Auto,

@@ -9,7 +9,7 @@ use foveate_base::Result;
 pub struct Scene<'a> {
     /// The picture.
     pub image: &'a Image,
-    /// What a detector found in it; empty without one.
+    /// The detections in it; empty without a detector.
     pub detections: &'a [Detection],
 }
 
@@ -88,7 +88,7 @@ impl Preprocessor {
     pub fn looks_everywhere(&self) -> bool {
         self.detector.is_some() || self.flow.is_some()
     }
-    /// What was found in the picture that was looked at last.
+    /// The detections of the last picture.
     pub fn detections(&self) -> &[Detection] {
         &self.found
     }

@@ -92,7 +92,7 @@ impl Regions for Image {
 /// half the target's box) and the most values along a side of it, of each plane.
 pub type Patch = [f64; 2];
 
-/// What is read of each frame.
+/// The values to read of each frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSettings {
@@ -324,7 +324,7 @@ mod tests {
         conformance::regions(&picture(3));
     }
 
-    /// A window fine enough is the picture itself, and what was read of the last frame is gone.
+    /// A window that is fine enough equals the picture, and holds nothing of the last frame.
     #[test]
     fn the_picture_has_only_values_that_were_read() {
         let (image, mut sensor) = (picture(3), sensor(0, vec![], [1.0, 64.0]));

@@ -162,7 +162,7 @@ fn trace(direct: &mut Direct<2>, most: usize, batches: bool, f: impl Fn(&[f64; 2
     seen
 }
 
-/// What was searched before, batches and the number allowed do not change which points come first.
+/// Earlier searches, batches and the allowed number do not change which points come first.
 #[test]
 fn points_are_the_same_every_time() {
     for form in [Form::Original, Form::LocallyBiased] {

@@ -9,7 +9,7 @@ const STEPS: usize = 30;
 /// A step that gains less ends the climb.
 const TOLERANCE: f64 = 1e-9;
 
-/// What is climbed: its values at points.
+/// The function to maximise: its values at points.
 type Bound<'a, const D: usize> = dyn FnMut(&[[f64; D]], &mut [f64]) + 'a;
 
 struct Hill<'a, const D: usize> {

@@ -35,7 +35,7 @@ pub(super) struct Search<const D: usize> {
     variances: Vec<f64>,
 }
 
-/// What is saved beside points and values.
+/// The saved state beside points and values.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Fitted {

@@ -44,7 +44,7 @@ fn features_agree_with_f64() {
     }
 }
 
-/// The bound that `PackedWeights::bf16` states, and what is typical.
+/// The bound that `PackedWeights::bf16` states, and the typical error.
 #[test]
 fn bf16_is_as_accurate_as_stated() {
     let (n, n_v, n_h) = (12, 240, 500);

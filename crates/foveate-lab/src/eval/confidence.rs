@@ -42,7 +42,7 @@ pub struct Judged {
     pub off: Option<[f64; 2]>,
     /// The reported covariance of the place, in template units: xx, xy, yy.
     pub covariance: [f64; 3],
-    /// What it follows from.
+    /// Its inputs.
     pub place: PlaceEvidence,
 }
 

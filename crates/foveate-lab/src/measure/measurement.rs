@@ -94,7 +94,7 @@ pub struct Fit {
     pub formula: &'static str,
     /// The time at which t of the formula is 0, seconds.
     pub t0: f64,
-    /// The parameters, then what follows from them.
+    /// The parameters, then the quantities derived from them.
     pub values: Vec<Value>,
     /// Number of points.
     pub points: usize,

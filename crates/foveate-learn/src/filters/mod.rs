@@ -65,7 +65,7 @@ impl PatchFilters {
         let (n_p, n_x) = self.whitening.shape();
         (n_p, n_x, self.filters.len() / n_x)
     }
-    /// What is added to a patch's variance, if patches lose their mean.
+    /// The term added to a patch's variance, if patches lose their mean.
     pub fn softening(&self) -> Option<f32> {
         self.softening
     }
@@ -77,7 +77,7 @@ impl PatchFilters {
     pub fn filters(&self) -> Rows<'_> {
         Rows::new(&self.filters, self.shape().2)
     }
-    /// What the filters look like as patches, n_p × K: the whitening undone.
+    /// The filters as patches, n_p × K: without whitening.
     pub fn pictures(&self) -> Vec<f32> {
         self.whitening.unwhiten(self.filters())
     }

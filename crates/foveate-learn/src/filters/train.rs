@@ -24,7 +24,7 @@ pub struct Recipe {
     pub epochs: usize,
     /// Share of the variance of normalised patches that whitening keeps, above 0, at most 1.
     pub keep: f64,
-    /// What is added to a patch's variance before it is divided by its root; none leaves patches as they are, means and all.
+    /// The term added to a patch's variance before the division by its root; `None` leaves patches unchanged.
     pub softening: Option<f32>,
     /// Names all random numbers.
     pub seed: u64,
@@ -113,7 +113,7 @@ impl Trainer {
     pub fn learned(&self) -> &PatchFilters {
         &self.model
     }
-    /// What the method makes small, the mean over patches divided by n_x, as the last epoch found it, before it turned the filters;
+    /// The objective that the method minimises, the mean over patches divided by n_x, as the last epoch found it, before it turned the filters;
     /// infinite before the first.
     pub fn cost(&self) -> f64 {
         self.cost

@@ -26,7 +26,7 @@ pub struct Metadata {
     pub retina: String,
     /// The command that trains it again.
     pub command: String,
-    /// What it was trained on, for people.
+    /// A description of the training data.
     pub data: String,
     /// SHA-256 of the training rows.
     pub data_sha256: String,

@@ -59,7 +59,7 @@ pub struct AisEstimate {
     pub log_z: f64,
     /// Standard error of `log_z` by the delta method: sd(w) / (mean(w) √chains).
     pub standard_error: f64,
-    /// Effective number of chains, (Σw)² / Σw²: with few, neither number above is to be trusted.
+    /// Effective number of chains, (Σw)² / Σw²: with few, both numbers above are unreliable.
     pub effective_chains: f64,
 }
 

@@ -1,4 +1,4 @@
-//! An RBM that goes on learning from a few rows at a time: the stochastic gradient, or a particle filter over its parameters.
+//! An RBM that keeps learning from a few rows at a time: the stochastic gradient, or a particle filter over its parameters.
 //!
 //! Section 7 of the paper leaves this as future work: "existing particle filtering and stochastic optimization algorithms could be used to
 //! train the RBMs online". One particle takes a step of contrastive divergence along the rows. Several take it each along a sample
@@ -19,7 +19,7 @@ use foveate_base::{Error, Result};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
-/// How it goes on.
+/// Settings of the training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Number of particles, at least 1; 1 is the stochastic gradient alone.
@@ -42,7 +42,7 @@ pub struct Particle {
 /// Log evidence of a machine by which the rows have none: its numbers are beyond all bounds.
 const NOTHING: f64 = -1e6;
 
-/// An RBM that goes on learning.
+/// An RBM that keeps learning.
 #[derive(Clone, Debug)]
 pub struct OnlineRbm {
     settings: Settings,
@@ -161,7 +161,7 @@ fn bootstrap<'a>(rows: Rows<'_>, rng: &mut Rng, into: &'a mut Vec<f32>) -> Rows<
     Rows::new(into, rows.width())
 }
 
-/// A machine after one step of CD-1 along the rows; none where its numbers, or the rows, are not what the machine takes.
+/// A machine after one step of CD-1 along the rows; `None` if its numbers or the rows do not fit.
 fn step(rbm: &Rbm, rows: Rows<'_>, rate: f32, seed: u64) -> Option<Rbm> {
     let recipe = Recipe {
         batch: rows.len(),

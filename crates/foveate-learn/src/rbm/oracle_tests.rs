@@ -185,7 +185,7 @@ fn the_gradient_is_the_slope_of_the_exact_log_likelihood() {
     }
 }
 
-/// One step of rate 1 from the same machine, many times with other seeds: mean and standard error of what was added.
+/// One step of rate 1 from the same machine, many times with other seeds: mean and standard error of the change.
 fn mean_step(rbm: &Rbm, rows: Rows<'_>, negative: Negative, trials: u64) -> Vec<(f64, f64)> {
     let before = flat(rbm);
     let mut sums = vec![(0.0, 0.0); before.len()];
@@ -337,7 +337,7 @@ fn bad_recipes_and_data_are_refused() {
     assert!(message.contains("row 1, value 1 of the training data is 2"), "{message}");
 }
 
-/// What the tracker needs of an encoder: it splits batches as it pleases.
+/// The tracker's requirement of an encoder: any split of a batch gives the same features.
 #[test]
 fn a_row_does_not_depend_on_its_neighbours() {
     for visible in [Visible::Bernoulli, Visible::Gaussian] {

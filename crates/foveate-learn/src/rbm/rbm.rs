@@ -45,7 +45,7 @@ impl Rbm {
     pub fn shape(&self) -> (usize, usize) {
         (self.n_v, self.n_h)
     }
-    /// What the visible units are.
+    /// The kind of the visible units.
     pub fn visible(&self) -> Visible {
         self.visible
     }

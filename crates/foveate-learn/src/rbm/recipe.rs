@@ -11,7 +11,7 @@ const MOST: usize = 1 << 16;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// What the visible units are.
+    /// The kind of the visible units.
     pub visible: Visible,
     /// n_h.
     pub hidden: usize,
@@ -52,7 +52,7 @@ pub enum Negative {
         /// k, at least 1.
         steps: usize,
     },
-    /// SML: from chains that go on from batch to batch. All units are drawn.
+    /// SML: from chains that continue from batch to batch. All units are drawn.
     Persistent {
         /// Number of chains.
         chains: usize,

@@ -1,4 +1,4 @@
-//! What is done to rows of units between the products: biases, probabilities, draws, sums.
+//! Operations on rows of units between the products: biases, probabilities, draws, sums.
 
 use super::Visible;
 use foveate_base::rng::Rng;

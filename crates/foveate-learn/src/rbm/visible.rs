@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What the visible units are.
+/// The kind of the visible units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Visible {

@@ -149,7 +149,7 @@ fn moments(rows: Rows<'_>) -> (Vec<f64>, Vec<f64>) {
     let outer = |row: &[f32], sums: &mut [f64]| {
         for (i, sums) in sums.chunks_exact_mut(n).enumerate() {
             let x = f64::from(row[i]) - mean[i];
-            // The lower half: what the eigenvectors are found from.
+            // The lower half, from which the eigenvectors are computed.
             sums[..=i].iter_mut().zip(row).zip(&mean).for_each(|((s, &y), m)| *s += x * (f64::from(y) - m));
         }
     };

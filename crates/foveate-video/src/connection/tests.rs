@@ -76,9 +76,9 @@ fn end_of(first: &str, later: &str, listen: bool, seconds: u64) -> (usize, Optio
 #[test]
 fn the_end_of_a_stream_has_a_reason() {
     let began = Instant::now();
-    // In good order, and nobody is to come any more: no error.
+    // An orderly end, and no further sender is expected: no error.
     assert_eq!(end_of("exit 0", "exit 1", false, 0), (2, None, vec![]));
-    // Another sender is waited for, as long as was asked.
+    // Waits for another sender, as long as given.
     let (frames, error, news) = end_of("exit 0", "exec sleep 100", true, 1);
     assert_eq!((frames, error), (2, None));
     let ["waiting for a sender", after, end] = [0, 1, 2].map(|i| news[i].trim_start_matches("rtsp://127.0.0.1:9/x: "))
@@ -104,7 +104,7 @@ fn the_end_of_a_stream_has_a_reason() {
     assert!(began.elapsed() < Duration::from_secs(20), "{:?}", began.elapsed());
 }
 
-/// Who waits for a sender may wait longer than a stream may give nothing.
+/// The wait for a sender may be longer than a stream's pause.
 #[cfg(unix)]
 #[test]
 fn a_first_frame_that_comes_late_is_no_stall() {

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use super::input::Input;
 use foveate_core::geometry::Size;
 
-/// What is known of a video before it is decoded.
+/// The facts of a video before decoding.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Facts {
     /// The number of the video stream; `None` if ffprobe is missing or finds none.

@@ -5,7 +5,7 @@ use crate::Remarks;
 #[derive(Debug, Default)]
 pub(crate) struct Said {
     pub complaint: Option<String>,
-    /// What it logged of the end of the file, and of the last corrupt frame: how many frames had come.
+    /// The number of frames before its messages about the end of the file and the last corrupt frame.
     pub cut: Option<String>,
     pub corrupt: Option<(usize, String)>,
     pub frames: usize,
@@ -31,7 +31,7 @@ const CUT: [&str; 8] = [
 const NO_LENGTH: &str = "should be 18446744073709551615";
 /// The log line if our size filter refuses a picture.
 const RESIZED: &str = "evaluating the expression 'if(eq(iw,";
-/// What it logs of a frame that it makes up in part.
+/// Its message about a frame that it conceals in part.
 const CORRUPT: [&str; 2] = ["corrupt decoded frame", "corrupt input packet"];
 
 impl Said {

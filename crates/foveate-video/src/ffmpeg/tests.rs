@@ -237,7 +237,7 @@ fn times_are_those_of_ffprobe() {
         let most = steps.iter().copied().fold(0.0, f64::max);
         assert!(steps.iter().any(|step| *step < most / 2.0), "{name}: the frames last differently long");
     }
-    // Two recordings one after the other: the time goes on, and that is said.
+    // Two recordings one after the other: the time continues, and a message reports it.
     let once = std::fs::read(dir.path().join("e.ts")).expect("just made");
     let twice = dir.path().join("twice.ts");
     std::fs::write(&twice, once.repeat(2)).expect("a writable folder");

@@ -1,4 +1,4 @@
-//! What the tests of the page share: the folder that `web/build` made, a server of it, and videos with known truth.
+//! Shared parts of the tests of the page: the folder that `web/build` made, a server of it, and videos with known truth.
 #![allow(dead_code, missing_docs)] // each test takes what it needs
 
 use std::io::{BufRead, BufReader, Write};

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-/// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
+/// CPU seconds of this thread, which does all the work; wall seconds where the system has no such clock.
 pub(crate) fn seconds(work: impl FnOnce()) -> f64 {
     let cpu = || -> Option<f64> {
         let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;

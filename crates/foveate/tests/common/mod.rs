@@ -1,4 +1,4 @@
-//! What the tests of the whole tracker share: small videos and trackers of every kind.
+//! Shared parts of the tests of the whole tracker: small videos and trackers of every kind.
 #![allow(dead_code, reason = "each test file uses a part")]
 
 use foveate::files::Folder;
@@ -87,7 +87,7 @@ pub(crate) fn natural(particles: usize) -> Blueprint {
     Config { particles, ..config }.check(&Folder::here()).expect("a good configuration")
 }
 
-/// `natural`, learning for now alone, where the evidence is worse than frame 1 promised.
+/// `natural` with the short-term memory only, for evidence that is worse than that of frame 1.
 pub(crate) fn learning_for_now(particles: usize) -> Blueprint {
     let config = natural(particles).config().clone();
     let config = ["consistency.threshold=0", "discriminant.gate=0", "short_term.threshold=2"]
@@ -145,7 +145,7 @@ pub(crate) fn with_recogniser(blueprint: &Blueprint, weights: &str, accumulate: 
     Config::parse(&text, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration")
 }
 
-/// What a browser makes of a page, above its scripts, once it stands at this `#fragment`; an error where no browser shows it.
+/// The text of a page in a browser at this `#fragment`, without scripts; an error if no browser shows it.
 pub(crate) fn shown(page: &Path, fragment: &str) -> Result<String, String> {
     let profile = tempfile::tempdir().expect("a temporary folder");
     let profile = format!("--user-data-dir={}", profile.path().display());

@@ -1,4 +1,4 @@
-//! Files that are cut off, changed, or ask for too much: errors, never panics.
+//! Files that are cut off, changed, or need too much memory: errors, never panics.
 
 use foveate::config::DetectorConfig;
 use foveate::memory;
@@ -23,7 +23,7 @@ fn cut_files_are_refused() {
     assert_eq!(said(check(RETINA, ONNX, &file)), "");
 }
 
-/// 300 files with a few bytes changed, by numbers that are the same each time: what comes is an error or an encoder.
+/// 300 files with a few bytes changed, by fixed random numbers: the result is an error or an encoder.
 #[test]
 fn changed_files_do_not_panic() {
     let (weights, bias) = (numbers(1024 * 3, 1), numbers(3, 2));
@@ -69,7 +69,7 @@ fn no_network_is_told_in_words() {
     assert!(said(check(RETINA, ONNX, &random)).contains("a.onnx"));
 }
 
-/// Asked before it is taken: a small file whose values are of 4 TB.
+/// Checked before allocation: a small file with values of 4 TB.
 #[test]
 fn memory_is_asked_for() {
     let large = Network::new(&[0, 1024], &[0, 1])

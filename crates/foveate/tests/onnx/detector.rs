@@ -98,7 +98,7 @@ fn boxes_are_where_they_are_said_to_be() {
         // Grey pictures go to all planes.
         near(&detect(&settings(layout), &file, &image.to_grey()).expect("a detector"), &[first, other, cut], 1.0);
     }
-    // Of one plane, of open sides, which are 640 unless told.
+    // One plane, with open sides, which are 640 by default.
     let (sides, numbers, scored) = yolov8(&ROWS);
     let open = boxes(&[0, 1, 0, 0], &sides, &numbers, &scored);
     let of_64 = Settings { side: 64, ..settings(Layout::Yolov8) };

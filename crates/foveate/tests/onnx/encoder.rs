@@ -88,7 +88,7 @@ fn a_convolution_is_ours() {
     }
 }
 
-/// A network that gives what it is fed is the raw encoder, to the last bit, on rings, on a grid, in the opponent colours; on any number of threads.
+/// An identity network is the raw encoder, to the last bit, on rings, on a grid, in the opponent colours; on any number of threads.
 #[test]
 fn the_identity_tracks_as_raw_does() {
     let opponent = "{ kind = \"onnx\", model = \"a.onnx\", planes = \"opponent\" }";

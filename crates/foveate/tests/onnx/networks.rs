@@ -11,7 +11,7 @@ pub(crate) fn numbers(n: usize, seed: u32) -> Vec<f32> {
     (0..n).scan(seed.wrapping_mul(2_654_435_761), next).collect()
 }
 
-/// What it is fed.
+/// Its input.
 pub(crate) fn identity(sides: &[i64]) -> Vec<u8> {
     Network::new(sides, sides).node("Identity", &["x"], "y", &[]).file()
 }
@@ -24,7 +24,7 @@ pub(crate) fn linear(batch: i64, inputs: usize, features: usize, weights: &[f32]
     network.node("Gemm", &["x", "w", "b"], "y", &[]).file()
 }
 
-/// 3 × 3 filters on one plane, what is above 0, means over 2 × 2 places.
+/// 3 × 3 filters on one plane, the positive part, means over 2 × 2 places.
 pub(crate) fn convolution(side: usize, filters: usize, weights: &[f32], bias: &[f32]) -> Vec<u8> {
     let (s, f) = (side as i64, filters as i64);
     let places = (s - 2) / 2;

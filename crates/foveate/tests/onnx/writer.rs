@@ -56,7 +56,7 @@ impl Attribute<'_> {
     }
 }
 
-/// Sides of an input or output; what is left open has 0.
+/// Sides of an input or output; 0 for an open one.
 pub(crate) type Sides<'a> = &'a [i64];
 
 /// A graph with one input `x` and one output `y`.

@@ -1,4 +1,4 @@
-//! Attention over objects: a budget of looks is kept, who gets none coasts and becomes less certain, and a budget that is enough
+//! Attention over objects: a budget of looks is kept, a target without a look follows its prediction and becomes less certain, and a budget that is enough
 //! changes nothing.
 
 #![cfg(feature = "lab")]

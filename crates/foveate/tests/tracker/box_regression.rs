@@ -1,5 +1,5 @@
-//! Box regression moves the box that is told, and moves it to the target; what it says of whether the target is there makes a target lost, and
-//! what was learned forgotten. The particles follow its size and shape. Nothing else changes.
+//! Box regression moves the reported box to the target; its estimate of presence makes a target lost, and
+//! resets the learned appearance. The particles follow its size and shape. Nothing else changes.
 
 use crate::common::{INIT, frame, json, natural, truth};
 use foveate::Tracker;
@@ -90,7 +90,7 @@ fn the_covariance_includes_the_expected_errors() {
     }
 }
 
-/// What the particles take of the correction is no longer in the correction: the report stays.
+/// The particles' share of the correction is no longer in the correction: the reported box stays.
 #[test]
 fn what_the_particles_take_leaves_the_report_as_it_is() {
     let settings = Settings { every: 3, gain: 1.0, follow: 0.3, ..Settings::default() };
@@ -163,7 +163,7 @@ fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
     // Log odds of -6 and more count as 18 then.
     let gone = ["short_term=none", "confidence.absence.weight=1", "confidence.absence.bias=24"];
     let mut misled = start(&gone);
-    // A state goes on in a tracker of its own settings alone; this one is given those of the other.
+    // A state loads only into a tracker of its own settings; this one is given those of the other.
     let mut saved = json(&tracked.save());
     saved["origin"] = json(&misled.save())["origin"].clone();
     misled.load(&SavedState::new(&saved)).expect("the same parts");
@@ -174,7 +174,7 @@ fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
     assert_eq!(learned(&misled), first, "what was learned is forgotten");
 }
 
-/// A network of somebody else's may say anything.
+/// A network from elsewhere may return any numbers.
 #[test]
 fn answers_that_are_no_numbers_move_nothing() {
     let settings = Settings { every: 1, ..Settings::default() };
@@ -227,7 +227,7 @@ fn it_says_where_the_target_is() {
     assert!(boxes.answer(&frame(1, 3).image, &far, extent).lost > 0.0, "nothing is there");
 }
 
-/// With other pictures in between, what it saw last does not matter.
+/// With other pictures in between, the last picture does not matter.
 #[test]
 fn an_answer_depends_on_its_picture_alone() {
     let settings = Settings::default();

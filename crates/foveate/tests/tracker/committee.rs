@@ -1,4 +1,4 @@
-//! Several trackers of one target: each is what it would be alone, and their vote is what they say together.
+//! Several trackers of one target: each gives its result alone, and the vote is the result of all.
 
 use crate::common::{INIT, frame, natural, truth};
 use foveate::config::{Blueprint, Config};

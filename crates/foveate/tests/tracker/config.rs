@@ -150,7 +150,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
     assert!(missing.is_empty(), "{}", missing.join("\n"));
 }
 
-/// Settings of training need a discriminant: without one the error says so.
+/// Settings of training need a discriminant: without one the error names it.
 #[test]
 fn parts_of_a_discriminant_ask_for_one() {
     let without = GOOD.split("[discriminant]").next().expect("what is before it");

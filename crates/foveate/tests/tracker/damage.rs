@@ -1,4 +1,4 @@
-//! Damaged configurations, saved trackers and model files: none panics, and what is refused is refused by name.
+//! Damaged configurations, saved trackers and model files: none panics, and errors name the refused file.
 
 use crate::common::{POLICIES, blueprint, natural, random_rbm};
 use crate::config::{GOOD, check};
@@ -28,7 +28,7 @@ fn damaged_configurations_never_panic() {
     }
 }
 
-/// 6,000 damaged texts of saved trackers. What is taken up can go on, whatever its numbers.
+/// 6,000 damaged texts of saved trackers. A state that loads continues, whatever its numbers.
 #[test]
 fn damaged_saved_trackers_never_panic() {
     let words = ["null", "1e308", "-1e308", "1e400", "1e-320", "99999", "[]", "-0.0", ":0,"];

@@ -117,7 +117,7 @@ fn gazes_that_are_only_scored_change_nothing() {
     });
 }
 
-/// What is recorded is what would have been earned: in the first frame all policies weigh the same particles.
+/// The recorded rewards equal those of a policy with these gazes: in the first frame all policies weigh the same particles.
 #[test]
 fn recorded_rewards_are_those_of_gazes_that_are_scored() {
     let frames = frames();
@@ -151,7 +151,7 @@ fn a_saved_tracker_goes_on_bit_for_bit() {
     });
 }
 
-/// What is learned for now changes the track, and is in what is saved.
+/// The short-term memory changes the track, and is part of the saved state.
 #[test]
 fn there_is_something_to_save_of_what_is_learned_for_now() {
     let (frames, blueprint) = (frames(), learning_for_now(PARTICLES));
@@ -203,7 +203,7 @@ fn a_target_given_again_is_followed_from_there() {
     });
 }
 
-/// The configurations that ship for one target, of fewer particles. One with a detector goes on with the background that it has learned.
+/// The configurations that ship for one target, of fewer particles. One with a detector continues with its learned background.
 fn shipped() -> impl Iterator<Item = (&'static str, Config)> {
     Config::names().into_iter().filter_map(|name| {
         let config = Config::builtin(name).expect("it ships").expect("it is right");
@@ -234,7 +234,7 @@ fn a_second_start_is_a_fresh_one_bit_for_bit() {
     }
 }
 
-/// A state goes on in a tracker of its seed, target and configuration alone; what differs is named.
+/// A state loads only into a tracker of its seed, target and configuration; the error names the difference.
 #[test]
 fn a_state_of_other_settings_is_refused_by_name() {
     let frames = frames();

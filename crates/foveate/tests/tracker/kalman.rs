@@ -30,7 +30,7 @@ type Filtered = (Vec<(State, Matrix)>, f64);
 const N: usize = State::N;
 const FRAMES: usize = 16;
 const PARTICLES: usize = 6000;
-/// Filters of one set of observations; their spread says how far their mean may be from the truth.
+/// Filters of one set of observations; their spread bounds the error of their mean.
 const RUNS: usize = 16;
 const MOTION: Autoregressive = Autoregressive {
     damping: 0.9,
@@ -47,7 +47,7 @@ const MOTION: Autoregressive = Autoregressive {
 };
 /// Standard deviation of the first state's components.
 const START: [f64; N] = [2.0, 2.0, 1.0, 1.0, 0.1, 0.1, 0.12];
-/// What is seen of a state (x, y, log scale, angle, log aspect), and the standard deviation of the noise on it.
+/// The observation of a state (x, y, log scale, angle, log aspect), and the standard deviation of the noise on it.
 const SEEN: [(usize, f64); 5] = [(0, 2.0), (1, 2.5), (4, 0.2), (5, 0.2), (6, 0.25)];
 
 /// The exact filter of a target whose first state has these standard deviations.
@@ -94,7 +94,7 @@ fn first_state(start: [f64; N], streams: Streams, i: u64) -> State {
     State::from_array(start.map(|sd| sd * rng.sample::<f64, _>(StandardNormal)))
 }
 
-/// What is seen of a target that moves by the model.
+/// Observations of a target that moves by the model.
 fn observations(start: [f64; N], seed: u64) -> Vec<[f64; 5]> {
     let mut state = first_state(start, Streams::new(seed, 0).at(0, Purpose::Scene), 0);
     let mut rng = Streams::new(seed, 0).at(1, Purpose::Scene).rng(0);
@@ -248,7 +248,7 @@ const SPREAD_START: [f64; N] = [3.2, 1.8, 1.2, 1.2, 0.1, 0.1, 0.12];
 const TRACKER_PARTICLES: usize = 8000;
 const TRACKER_RUNS: usize = 40;
 
-/// The picture holds what is seen in its frame: the eight bytes of each number, in the first row.
+/// The picture holds the observation of its frame: the eight bytes of each number, in the first row.
 fn picture(observation: &[f64; 5]) -> Image {
     let mut image = Image::grey(80, 60, 0);
     for (bytes, value) in image.plane_mut(0).chunks_exact_mut(8).zip(observation) {
@@ -257,7 +257,7 @@ fn picture(observation: &[f64; 5]) -> Image {
     image
 }
 
-/// Its likelihood is the density of what is seen, read from the picture; any gaze sees the same.
+/// Its likelihood is the density of the observation, read from the picture; any gaze sees the same.
 struct Linear([f64; 5]);
 
 impl Appearance for Linear {
@@ -274,8 +274,8 @@ impl Appearance for Linear {
     }
 }
 
-/// The same model in the whole tracker, told nothing but a first box and pictures, and resampling seldom. `look` is shown each
-/// step, and what was seen in it.
+/// The same model in the whole tracker, given only a first box and pictures, with rare resampling. `look` is shown each
+/// step, and its observation.
 fn track(
     proposal: Box<dyn Proposal>,
     particles: usize,
@@ -305,7 +305,7 @@ fn track(
     (beliefs, log_evidence)
 }
 
-/// Whether all particles go on with their weights.
+/// Whether all particles keep their weights.
 fn carries(step: &Seen<'_>) -> bool {
     step.ancestors.iter().enumerate().all(|(i, a)| i == *a)
 }

@@ -52,8 +52,8 @@ fn a_leap_is_followed_in_the_frame_itself() {
     }
 }
 
-/// Real: a runner passes behind a pole, which is learned for now while it hides him. When he comes out he is found beside it, for the pole
-/// has no say in that; else he is taken up again when the box has left the picture.
+/// Real: a runner passes behind a pole, which the short-term memory learns while it hides him. When he comes out he is found beside it, because the pole
+/// does not count then; otherwise he is found again when the box has left the picture.
 #[test]
 fn what_hid_the_target_has_no_say_in_doubt() {
     let folder = need!(data("tracking/Jogging"));

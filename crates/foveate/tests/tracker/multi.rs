@@ -124,7 +124,7 @@ fn who_comes_is_initiated_who_leaves_is_terminated_and_who_returns_is_reidentifi
     assert_eq!(phases, [(7, 1, Phase::Initiated), (62, 1, Phase::ReIdentified)]);
 }
 
-/// An id has room for what is derived from it, and a policy that needs the whole first picture is one target's.
+/// An id leaves room for ids derived from it, and a policy that needs the whole first picture is one target's.
 #[test]
 fn what_many_targets_cannot_have_is_refused() {
     let picture = picture(&[]);
@@ -151,7 +151,7 @@ fn a_cut_is_the_end_and_boxes_that_are_none_are_refused() {
     for bad in [BBox { w: 0.0, ..at(1.0, 1.0) }, BBox { x: f64::NAN, ..at(1.0, 1.0) }, at(500.0, 1.0)] {
         assert!(tracker.add(&first, None, bad).is_err(), "{bad:?}");
     }
-    // Detections outside the picture are of nobody; those that are no boxes are named, and nothing changes.
+    // Detections outside the picture belong to no target; an error names invalid boxes, and nothing changes.
     tracker.update(&first, &[found(at(500.0, 1.0)); 4]).expect("a picture of the first size");
     let before = tracker.save();
     for (bad, said) in [
@@ -432,7 +432,7 @@ fn a_target_is_found_by_its_id_and_removed_for_good() {
     assert!(tracker.target(7).is_none());
     assert!(tracker.remove(2) && !tracker.remove(2) && !tracker.remove(7));
     assert!(tracker.target(2).is_none() && tracker.targets().len() == 1);
-    // What is detected there is somebody new, who is not compared with it.
+    // A detection there starts a new track, which is not compared with it.
     for t in 10..20 {
         let squares = passing(t);
         tracker.update(&picture(&squares), &squares.map(|s| found(s.1))).expect("a picture of the first size");

@@ -183,7 +183,7 @@ fn the_report_needs_no_network_and_no_trust() {
     assert_eq!(data["arms"].as_array().map(Vec::len), Some(9));
 }
 
-/// Opens the page in a browser, if there is one, and reads what it shows.
+/// Opens the page in a browser, if there is one, and reads its text.
 #[test]
 fn the_report_runs_in_a_browser() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -237,7 +237,7 @@ fn nothing_stays_where_nothing_was_finished_and_errors_name_the_file() {
     }
 }
 
-/// Says whether it was finished, and fails at it.
+/// Records that it was finished, and fails.
 struct Broken<'a>(&'a std::cell::Cell<usize>);
 
 impl Observer for Broken<'_> {

@@ -1,4 +1,4 @@
-//! Sequences in OTB's layout: what is written is what was drawn.
+//! Sequences in OTB's layout: the written boxes are the drawn ones.
 
 use foveate::Error;
 use foveate::lab::Digits;

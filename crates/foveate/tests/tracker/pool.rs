@@ -1,4 +1,4 @@
-//! Several gazes a frame, weighed by what each was worth, in the whole tracker.
+//! Several gazes a frame, weighted by their rewards, in the whole tracker.
 
 use foveate::files::Folder;
 
@@ -19,7 +19,7 @@ use foveate::{Filter, GazeControl, Monitor, Parts, Tracker};
 
 const N: usize = 20_000;
 
-/// What a gaze sees of a place: a normal law of x and y about the gaze itself (pixels), as wide as `SD` says of its arm.
+/// The likelihood of a place by a gaze: normal in x and y about the gaze (pixels), with the deviation `SD` of its arm.
 struct Bells;
 
 const SD: [f64; 4] = [2.0, 3.0, 5.0, 4.0];
@@ -72,14 +72,14 @@ fn grid() -> Vec<Gaze> {
     Grid { n: 2, reach: 3.0 }.gazes()
 }
 
-/// A pool whose weights, of this sum, are as `log_weights` say.
+/// A pool whose weights, of this sum, are given by `log_weights`.
 fn pool(log_weights: [f64; 4], looks: f64) -> Box<dyn Policy> {
     let mut pool = Pool::new(grid(), 1.0, 0.0, looks).expect("four gazes");
     pool.load(&SavedState::new(&serde_json::json!({ "gain": log_weights, "frames": 1 }))).expect("four gains");
     Box::new(Held(pool))
 }
 
-/// A policy that goes on from where it is when a target starts.
+/// A policy that keeps its state when a target starts.
 struct Held(Pool);
 
 impl Policy for Held {

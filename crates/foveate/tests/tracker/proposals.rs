@@ -76,7 +76,7 @@ fn threads_change_nothing_and_a_saved_tracker_goes_on() {
     assert!((8..FRAMES).all(|i| step(&mut resumed, i, true) == all[i - 1]));
 }
 
-/// A detector that is wrong for good, a box away: the looks keep the track, since a detection costs log(1/outlier) at most.
+/// A detector that is always wrong, by a box: the looks keep the track, since a detection costs log(1/outlier) at most.
 #[test]
 fn false_detections_do_not_take_the_track_away() {
     let mut tracker = started(&with(&plain(), "[proposal]\nkind = \"mixture\"\n[detection_likelihood]\n"));

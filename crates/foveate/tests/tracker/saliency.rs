@@ -1,4 +1,4 @@
-//! Priors of where to look: what stands out on the target, or would have told most of its place, is looked at first, and a saved
+//! Priors of where to look: the most salient or most informative part of the target is looked at first, and a saved
 //! tracker remembers it.
 
 use crate::common::blueprint;
@@ -37,7 +37,7 @@ fn what_stands_out_or_tells_is_looked_at_first() {
         looks(&mut tracker, 1..11)
     };
     let there = |gazes: Vec<Gaze>| gazes.iter().filter(|g| g.u > 0.1 && g.v > 0.1).count();
-    // A gaze a little away from the square still has its edges in view, and tells as much.
+    // A gaze a little away from the square still has its edges in view, and is as informative.
     for (prior, least) in [("saliency", 10), ("rehearsal", 8)] {
         assert!(there(first(prior, 10.0)) >= least, "{prior}: {least} of the first ten");
         assert!(there(first(prior, 0.0)) < 6, "about the centre, in any direction");

@@ -86,7 +86,7 @@ fn what_it_reads_is_counted() {
     assert!(small < pair && pair < small + large, "{small} and {large} apart, {pair} together");
 }
 
-/// A pair cannot go on from one tracker; determinism.rs has that it goes on bit for bit.
+/// A pair cannot load the state of one tracker; determinism.rs tests that it continues bit for bit.
 #[test]
 fn half_of_a_pair_is_refused() {
     let mut alone = tracker(Config { second_opinion: None, ..pair() });

@@ -117,7 +117,7 @@ fn a_tracker_behind_a_sensor_goes_on_from_its_saved_state() {
     }
 }
 
-/// While it explores all nine parts of the target are seen, then one; and what it has settled on is saved.
+/// During exploration all nine parts of the target are read, then one; the chosen part is saved.
 #[test]
 fn through_a_narrow_window_it_settles_on_a_part() {
     let config =
@@ -198,7 +198,7 @@ fn a_4k_picture_is_followed_by_its_tiles() {
     }
 }
 
-/// What a window of tiles holds is what the picture has there.
+/// A window of tiles holds the pixels of the picture there.
 fn conformance_of_a_corner(video: &TileFolder) {
     let tiles = video.frame(0).expect("three frames");
     assert_eq!(tiles.shape(), [3840, 2160, 1]);

@@ -21,7 +21,7 @@ struct Row {
 const HIDDEN: std::ops::Range<usize> = 20..50;
 const FRAMES: usize = 70;
 
-/// The moving patch, covered by what is beside it while it is hidden.
+/// The moving patch, covered by its surroundings while it is hidden.
 fn natural_scene(planes: usize) -> Vec<(Image, BBox)> {
     let picture = |t: usize| {
         let (at, mut image) = (truth(t), frame(t, planes).image);
@@ -78,7 +78,7 @@ fn check(name: &str, config: &Config, scene: &[(Image, BBox)], met: &mut [usize;
             true => assert!(*p_lost < enter, "{at}"),
             false => assert!(*p_lost >= leave, "{at}"),
         }
-        // Between the two thresholds it is what it was.
+        // Between the two thresholds it stays unchanged.
         let between = (leave..enter).contains(p_lost);
         assert!(!between || status.is_usable() == usable, "{at}");
         usable = status.is_usable();

@@ -26,7 +26,7 @@ use serde_json::Value;
 const FRAMES: usize = 40;
 const INIT: BBox = BBox { x: 20.0, y: 22.0, w: 32.0, h: 24.0 };
 
-/// Looks about at random and believes in a hill that grows with the looks: a stand-in for what learns.
+/// Looks at random and reports a hill that grows with the looks: a stand-in for a policy that learns.
 #[derive(Default)]
 struct Wanderer {
     looks: Vec<Gaze>,

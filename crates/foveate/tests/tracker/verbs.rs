@@ -1,4 +1,4 @@
-//! What no other test would miss: detections weigh particles, what is covered counts for less, and nothing is learned where the
+//! Rules without another test: detections weight particles, covered evidence counts less, and nothing is learned where the
 //! evidence does not fit.
 
 use crate::common::{INIT, frame, json};
@@ -23,7 +23,7 @@ fn tracker(settings: &[&str]) -> Tracker {
 
 #[test]
 fn detections_weigh_particles() {
-    // Looks say nothing here; one detection, three pixels to the right, does.
+    // Looks are uninformative here; one detection, three pixels to the right, is informative.
     let settings = [
         "likelihood={ distance = \"cosine\", sharpness = 0.001 }",
         "detection_likelihood={ place = 0.1 }",
@@ -85,7 +85,7 @@ fn what_is_covered_counts_for_less() {
     assert!(spread(0.05) > 2.0 * spread(1.0), "{} and {}", spread(0.05), spread(1.0));
 }
 
-/// A person who puts a lost target right is believed, until frames say otherwise; a target that is given anew is seen whole.
+/// A user's correction of a lost target counts until frames contradict it; a target given again is fully visible.
 #[test]
 fn what_is_put_right_is_not_lost() {
     let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));
@@ -106,7 +106,7 @@ fn what_is_put_right_is_not_lost() {
     assert_eq!(given(0.05), given(1.0));
 }
 
-/// Particles that are drawn again owe what detections say, as all others do.
+/// Particles that are drawn again include the detection likelihood, as all others do.
 #[test]
 fn detections_weigh_particles_that_are_drawn_again() {
     let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));

@@ -1,4 +1,4 @@
-//! Win, stay; lose, shift: the policy keeps a gaze as long as it is rewarded, and goes on to the next one otherwise.
+//! Win, stay; lose, shift: the policy keeps a gaze as long as it is rewarded, and moves to the next one otherwise.
 
 use foveate::extend::{Context, Gaze, Grid, Plan, Policy, Rng, SavedState};
 use foveate::{Error, Result};

@@ -2,7 +2,7 @@
 
 use super::join::Joined;
 
-/// A correction repairs frames beside it: half of what is missing at this distance, in frames.
+/// A correction repairs frames beside it: half of their error at this distance, in frames.
 const HALF: f64 = 15.0;
 
 /// The frames of a target that lie between two key frames; a correction changes no others.
@@ -30,7 +30,7 @@ pub(super) struct Check {
     pub least: f64,
 }
 
-/// What is missing to an IoU of 1 in the frames of a span.
+/// 1 − IoU in the frames of a span.
 struct Missing<'a> {
     span: &'a Span,
     missing: Vec<f64>,
@@ -60,7 +60,7 @@ impl Missing<'_> {
     }
 }
 
-/// The share of what is missing in a frame that a correction of another repairs.
+/// The share of a frame's error that the correction of another frame repairs.
 fn repaired(at: usize, frame: usize) -> f64 {
     0.5_f64.powf(at.abs_diff(frame) as f64 / HALF)
 }

@@ -13,7 +13,7 @@ use crate::terminal;
 /// The share of the memory limit that the pictures of all stretches may take.
 const SHARE: u64 = 4;
 
-/// What a tracker says of one frame.
+/// A tracker's result in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sight {
     pub bbox: BBox,

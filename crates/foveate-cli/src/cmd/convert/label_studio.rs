@@ -22,7 +22,7 @@ struct Task {
 }
 
 impl Task {
-    /// Returns what persons drew; without it, what a program proposed.
+    /// Returns the boxes that persons drew or, if there are none, those that a program proposed.
     fn drawn(&self) -> &[Annotation] {
         if self.annotations.is_empty() { &self.predictions } else { &self.annotations }
     }

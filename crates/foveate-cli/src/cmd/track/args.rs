@@ -136,7 +136,7 @@ impl Args {
         files.map(PathBuf::from).chain(truth).collect()
     }
 
-    /// Returns whether the arguments ask for many targets.
+    /// Returns whether the arguments select many targets.
     pub(super) fn asks_for_many(&self) -> bool {
         self.many.asked() || self.init.len() > 1
     }

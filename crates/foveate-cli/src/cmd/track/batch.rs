@@ -175,7 +175,7 @@ fn settings() -> Result<String> {
     Ok(settings)
 }
 
-/// Returns a digest of what the results depend on besides videos and first boxes: the configuration, its models and the program's version.
+/// Returns a digest of the inputs of the results besides videos and first boxes: the configuration, its models and the program's version.
 fn configuration(args: &Args) -> Result<String> {
     let (mut config, folder, _) = args.configured()?;
     if args.many.detect.is_some() {

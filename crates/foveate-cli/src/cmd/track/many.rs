@@ -10,7 +10,7 @@ use foveate::{Error, Result};
 
 use super::source::named;
 
-/// Arguments that ask for many targets.
+/// Arguments that select many targets.
 #[derive(clap::Args)]
 pub(super) struct ManyArgs {
     /// Follow all objects that a detector finds, without a given box: tracks are started, terminated, and re-identified when their targets
@@ -122,7 +122,7 @@ impl ManyArgs {
         Ok(detector)
     }
 
-    /// Returns whether the arguments ask for many targets, apart from several --init.
+    /// Returns whether the arguments, apart from several --init, select many targets.
     pub(super) fn asked(&self) -> bool {
         // Detector options are refused later if there is no detector.
         let has_options = self.least.is_some() || !self.classes.is_empty() || self.layout.is_some();

@@ -6,7 +6,7 @@ use foveate::extend;
 use foveate::video::SourceInfo;
 use foveate::{Error, Result, files, memory};
 
-/// The state of a tracker, which names its configuration and seed, and where the video goes on.
+/// The state of a tracker, which names its configuration and seed, and the next frame of the video.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct SavedState {
     pub next_frame: usize,

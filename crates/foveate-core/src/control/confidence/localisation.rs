@@ -1,6 +1,6 @@
 //! The covariance of the reported place.
 //!
-//! Deviation: the particles agree too soon, so their covariance alone does not say how far the box may be off.
+//! Deviation: the particles agree too soon, so their covariance alone underestimates the error of the box.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::geometry::Covariance;
 use foveate_base::Result;
 use foveate_base::error::within;
 
-/// What is known of the error of the reported place.
+/// The inputs of the error of the reported place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlaceEvidence {
     /// Covariance of the belief over x and y, px²: xx, xy, yy.
@@ -33,9 +33,9 @@ pub struct Localisation {
     pub borders: f64,
     /// Standard deviation of a true box in whole pixels, px, 0 to 100.
     pub pixels: f64,
-    /// Standard deviation at an effective sample size of 1, template units, 0 to 10: one particle says nothing about its error.
+    /// Standard deviation at an effective sample size of 1, template units, 0 to 10.
     pub lone: f64,
-    /// Expected error of the box regression, half boxes, 0 to 1, below which borders are so sharp that all but `lone` count less; 0 is off.
+    /// Expected error of the box regression, half boxes, 0 to 1, below which, for sharp borders, all terms but `lone` are reduced; 0 is off.
     pub sharp: f64,
 }
 

@@ -43,7 +43,7 @@ pub const CUE_NAMES: [&str; CUES] = [
 /// *margin*: how far the evidence lies above the best distractor's, as a share of the difference between the reference likelihoods on and off the target, −1 to 1;
 /// 0 where distractors are not searched for;
 /// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model;
-/// *elsewhere*: how much more the estimate looks like what was around the target in remembered frames than like the target in them,
+/// *elsewhere*: how much more the estimate resembles the surroundings of the target in remembered frames than the target in them,
 /// smoothed over two or three frames, −2 to 2; 0 where nothing is remembered (`[distractors] remembered`);
 /// *agreement*: the overlap (IoU) with the box of the second opinion, smoothed over about five frames, 0 to 1; −1 without one
 /// (`second_opinion`);
@@ -63,13 +63,13 @@ pub struct ConfidenceModel {
     pub weights: [f64; OWN],
     /// Bias b.
     pub bias: f64,
-    /// What a second opinion counts for in the P(lost) that is reported; nothing without one.
+    /// Weights of the second opinion in the reported P(lost); none without one.
     pub second_opinion: SecondTrackerWeights,
-    /// What the box regression counts for in whether a search ends; nothing without one.
+    /// Weights of the box regression in the decision to end a search; none without one.
     pub box_regression: ReacquisitionWeights,
-    /// What the box regression counts for in whether a target that is tracked is lost; nothing without one.
+    /// Weights of the box regression in the P(lost) of a tracked target; none without one.
     pub absence: AbsenceWeights,
-    /// What the colours and the box regression count for in the first frames.
+    /// Weights of the colours and the box regression in the first frames.
     pub early: EarlyWeights,
     /// Own P(lost), without the second tracker, above which a frame counts towards a search, 0 to 1.
     pub enter: f64,
@@ -85,7 +85,7 @@ pub struct ConfidenceModel {
     pub status: StatusThresholds,
     /// Frames until occluded becomes lost and reacquired becomes tracking.
     pub patience: usize,
-    /// Standard deviation of the place in addition to the belief's, template units, for an inexact first box and a changing target, 0 to
+    /// Additional standard deviation of the place, template units, for an inexact first box and a changing target, 0 to
     /// 10.
     pub localisation_noise: f64,
     /// How the covariance of the place follows from that of the particles and from the box regression. It changes no box.

@@ -46,7 +46,7 @@ fn a_moment_is_an_occlusion_and_long_is_lost_until_found() {
     assert_eq!(long.last(), Some(&Status::Tracking));
 }
 
-/// Put somewhere it is not out; compared with something else, what was usual is none.
+/// Placed by a user, the target is not lost; with another reference, usual values are unset.
 #[test]
 fn what_is_given_again_begins_again() {
     let mut c = LossMonitor::new(ConfidenceModel::default());
@@ -158,7 +158,7 @@ fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
     assert_eq!(odd, [MOST_ODDS, MOST_ODDS, -MOST_ODDS]);
 }
 
-/// The own cues indicate a loss. The second opinion decides what is reported, and nothing of it is acted on.
+/// The own cues indicate a loss. The second opinion changes the reported P(lost) only.
 #[test]
 fn a_loss_is_reported_where_the_second_opinion_agrees() {
     let second_opinion = SecondTrackerWeights { own: 0.2, agreement: -8.0, bias: 4.0 };

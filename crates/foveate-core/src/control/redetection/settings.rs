@@ -13,8 +13,7 @@ pub struct RedetectionSettings {
     pub every: u64,
     /// Distance of neighbouring places; it grows if there were more than 16,000, above 0 to 10.
     pub step: f64,
-    /// Approximate number of places scored in a frame. A picture with more places is searched in parts, over
-    /// several frames.
+    /// Approximate number of places scored in a frame. Larger pictures are searched in parts.
     pub budget: usize,
     /// Share of the particles that restart, 0 to 1.
     pub share: f64,

@@ -127,12 +127,12 @@ mod tests {
         let (red, green, blue) = ([208.0, 16.0, 16.0], [16.0, 208.0, 16.0], [16.0, 16.0, 208.0]);
         let (mut histograms, mut colours) = (Histograms::of(&two(red, green)), Colours::default());
         colours.update(&histograms);
-        // In the middle of a bin a colour counts in that bin alone: (1 + ε/2) / (1 + ε), the reverse, and ½ for what nobody saw.
+        // In the middle of a bin a colour counts in that bin alone: (1 + ε/2) / (1 + ε), the reverse, and ½ for a colour that was never seen.
         let exact = (1.0 + 0.5 * EMPTY) / (1.0 + EMPTY);
         for (colour, exact) in [(red, exact), (green, 1.0 - exact), (blue, 0.5)] {
             assert!((colours.probability(&colour) - exact).abs() < 1e-5);
         }
-        // What it learns later counts half at most.
+        // Later frames count half at most.
         (0..200).for_each(|_| histograms.learn(&two(blue, green)));
         colours.update(&histograms);
         let half = (0.5 + 0.5 * EMPTY) / (0.5 + EMPTY);

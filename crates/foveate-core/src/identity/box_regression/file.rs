@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::identity::numbers::{codes, floats};
 use foveate_base::{Error, Result};
 
-/// What a layer is like.
+/// The shape of a layer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     pub name: &'static str,
@@ -18,7 +18,7 @@ pub(super) struct Shape {
     pub filters: usize,
     /// Places that have a bias of their own for each filter; 1 if all have the same.
     pub places: usize,
-    /// Whether what is negative is cut off.
+    /// Whether negative values become 0.
     pub cut: bool,
 }
 

@@ -14,7 +14,7 @@ const REACH: f64 = 2.0;
 pub(super) const CHANNELS: usize = 3;
 /// Pixels that a cell of a large box is made of along a side, at least; others are left out.
 const PIXELS: f64 = 1.5;
-/// What the standard deviation is softened by, grey levels.
+/// A constant added to the standard deviation, grey levels.
 const SOFT: f32 = 8.0;
 
 /// Buffers of a glimpse, and the glimpse.
@@ -28,12 +28,12 @@ pub(super) struct Glimpse {
     pub values: Vec<f32>,
     /// `COARSE` × `COARSE` × `CHANNELS`, in grey levels.
     pub coarse: Vec<f32>,
-    /// What was read of the last picture, if it was looked at: left column, top row, width, height.
+    /// The rectangle read of the last picture, if any: left column, top row, width, height.
     pub read: Option<(usize, usize, usize, usize)>,
 }
 
 impl Glimpse {
-    /// Looks at a box. Outside the picture its border goes on.
+    /// Reads a box. Outside the picture its border is repeated.
     pub(super) fn take(&mut self, image: &Image, state: &State, extent: Extent) {
         let (half_w, half_h) = state.half(extent);
         let Self { across, down, ends: [to_right, to_bottom], row, values, read, coarse } = self;
@@ -150,7 +150,7 @@ mod tests {
         image
     }
 
-    /// A saved tracker may say that a target is as large as the sky.
+    /// A saved tracker may hold a target of any size.
     #[test]
     fn a_box_of_any_size_is_read() {
         let image = picture(64, 48, |x, _| x as u8);

@@ -1,7 +1,7 @@
 //! The network: its prediction for a picture of a box's surroundings, compared with one of the target's.
 //!
 //! Both pictures go through the same four layers. Each place of the one is compared with the places of the other around it (Dosovitskiy
-//! et al., *FlowNet*, 2015). Two maps of the joined layers say where the upper left and the lower right corner of the target are; their
+//! et al., *FlowNet*, 2015). Two maps of the joined layers give the places of the upper left and the lower right corner of the target; their
 //! means are the corners (Law and Deng, *CornerNet*, 2018; Yan et al., *Alpha-Refine*, 2021). Maps of places carry over to targets that
 //! the network never saw; numbers of dense layers do so less (docs/lab/real-video.md).
 
@@ -83,12 +83,12 @@ pub struct Network {
     joint_template: Vec<f32>,
 }
 
-/// What is kept of the target's own picture.
+/// The stored features of the target in frame 1.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Template {
     /// The features of the third layer, each place of length 1.
     even: Vec<f32>,
-    /// What they add to `joint`, a value a place and filter.
+    /// Their contribution to `joint`, a value a place and filter.
     joined: Vec<f32>,
 }
 
@@ -107,7 +107,7 @@ pub struct Answer {
     pub lost: f32,
 }
 
-/// What a look needs, taken once.
+/// Scratch memory of a look, allocated once.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
     framed: Vec<f32>,
@@ -167,7 +167,7 @@ impl Network {
         self.layer(FOURTH, PLACES + 2, framed, features);
     }
 
-    /// What is kept of the target's picture, of its features.
+    /// Computes the stored features of the target from those of its picture.
     pub(super) fn template(&self, features: &[f32]) -> Template {
         let (mut beside, mut framed, mut joined, mut even) = (vec![], vec![], vec![], features.to_vec());
         self.layer(TEMPLATE, PLACES, features, &mut beside);

@@ -21,7 +21,7 @@ pub(super) struct Sums {
     pub cross: Vec<f32>,
 }
 
-/// What is learned from, in one frame.
+/// The training samples of one frame.
 #[derive(Clone, Debug, Default)]
 pub(in crate::identity) struct Learning {
     /// Where to look to learn.
@@ -49,7 +49,7 @@ impl Sums {
     }
 }
 
-/// What is fitted: by which settings, of features with parts of which lengths, that vary how.
+/// The fit: its settings, the lengths of the parts of the features, and their covariance.
 #[derive(Clone, Debug)]
 pub(super) struct Regression {
     pub settings: Settings,
@@ -86,7 +86,7 @@ impl Regression {
         if let Some(variation) = &self.variation {
             system.gram.iter_mut().zip(&**variation).for_each(|(sum, more)| *sum += more);
         }
-        // `cross` becomes what is left of the right-hand side.
+        // `cross` becomes the rest of the right-hand side.
         let rest = &mut system.cross;
         kernels::symmetric_times(&system.gram, weights, image);
         rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= image);

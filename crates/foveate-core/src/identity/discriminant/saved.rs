@@ -1,4 +1,4 @@
-//! What a discriminant has learned, in a saved tracker.
+//! The state of a discriminant in a saved tracker.
 
 use std::borrow::Cow;
 

@@ -42,7 +42,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// What is kept of the frames since the first, and the weight of the newest.
+    /// The factor of the frames since the first, and the weight of the newest.
     pub(super) fn fading(&self) -> (f32, f32) {
         (1.0 - self.learning_rate as f32, self.learning_rate as f32)
     }

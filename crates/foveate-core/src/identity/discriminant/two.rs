@@ -157,7 +157,7 @@ mod tests {
         assert_eq!((&other.short_term, &other.weights), (&it.short_term, &it.weights));
         let mut without = fresh();
         assert!(without.load(&it.save()).expect_err("no short-term memory").to_string().contains("short-term"));
-        // What was saved without one is taken up, and nothing is apart.
+        // A state saved without one loads, and both agree.
         other.load(&one(&FRAMES, |_| true).save()).expect("it was saved");
         assert!(!other.is_apart() && other.in_use() == one(&FRAMES, |_| true).weights);
         let mut damaged = it.clone();

@@ -45,7 +45,7 @@ impl Variation {
         within("variation.weight", self.weight, 0.0, 1000.0)
     }
 
-    /// What is added to the sums of an encoder's features, if the covariance counts.
+    /// The term added to the sums of an encoder's features, if the covariance counts.
     ///
     /// # Errors
     /// As [`Variation::read`]; [`Error::Config`] if it is not the covariance of these features.
@@ -152,7 +152,7 @@ impl Covariance {
         Ok(found)
     }
 
-    /// What is added to the sums of an encoder's features, the lower triangle with a last row for the 1 behind them.
+    /// The term added to the sums of an encoder's features: the lower triangle with a last row for the 1 behind them.
     ///
     /// # Errors
     /// [`Error::Config`] if it is not the covariance of these features.

@@ -69,7 +69,7 @@ impl Template {
         if self.is_whole() {
             return self.build(&self.image, retina);
         }
-        // The part back in its place: what is about it is not read.
+        // The part at its place: its surroundings are not read.
         self.build(&self.whole(), retina)
     }
 

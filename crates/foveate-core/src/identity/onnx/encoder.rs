@@ -23,7 +23,7 @@ pub struct OnnxEncoder {
     /// Planes of the input, and whether they are made red, green and blue.
     planes: usize,
     rgb: bool,
-    /// What is taken off each plane, and what it is then multiplied by.
+    /// The offset subtracted from each plane, and the factor after it.
     mean: Vec<f32>,
     gain: Vec<f32>,
 }
@@ -106,7 +106,7 @@ impl OnnxEncoder {
         Ok(())
     }
 
-    /// What the network makes of glimpses, one a row.
+    /// The network's features of glimpses, one a row.
     fn apply(&self, glimpses: &[f32], features: &mut [f32]) -> Result<()> {
         let (n_v, n_h) = (self.glimpse, self.features);
         let (mut input, mut output) = (vec![0.0; self.batch * self.input], vec![0.0; self.batch * n_h]);

@@ -1,4 +1,4 @@
-//! What is done to many fixations at once: gates, sums over a sequence, classes. Rows depend on themselves alone.
+//! Operations on many fixations at once: gates, sums over a sequence, classes. Rows depend on themselves alone.
 
 use super::super::product::{block_of, rows_times, rows_times_transposed, set_outer};
 use super::Code;
@@ -50,7 +50,7 @@ pub(super) fn add_gated(out: &mut [f32], x: &[f32], y: &[f32]) {
     add_product(1.0, x, y, out);
 }
 
-/// What the factors pass on: Σₖ (V zₖ) ∘ (Fᵀxₖ), one row of `out` a sequence of `window` rows of `z` and `a`; or one row a
+/// The output of the factors: Σₖ (V zₖ) ∘ (Fᵀxₖ), one row of `out` a sequence of `window` rows of `z` and `a`; or one row a
 /// beginning of it (k = 1, 2, ..), if `sequential`.
 pub(super) fn gather(z: &[f32], a: &[f32], factors: usize, window: usize, sequential: bool, out: &mut [f32]) {
     let rows = if sequential { window } else { 1 };

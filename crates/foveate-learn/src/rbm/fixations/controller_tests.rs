@@ -1,4 +1,4 @@
-//! Larochelle & Hinton's synthetic task (2010, section 6.2): the symbol in the middle says where to look.
+//! Larochelle & Hinton's synthetic task (2010, section 6.2): the symbol in the middle gives the place to look.
 //!
 //! 48 images of 15 × 15: in the middle one of eight symbols, in the region it stands for (of the eight around, 5 × 5
 //! each) a bar of three pixels, level or upright, in one of three positions each. The class is the bar's direction. A

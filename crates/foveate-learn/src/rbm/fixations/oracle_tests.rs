@@ -277,7 +277,7 @@ fn models_come_back_from_files_and_damaged_ones_are_refused() {
     }
 }
 
-/// Four terabytes, by what the shapes of two small tensors would make together.
+/// Four terabytes, by the product of the shapes of two small tensors.
 #[test]
 fn claimed_shapes_are_not_allocated() {
     let about = About { metadata: Default::default(), first_layer: String::new(), temperature: 1.0 };

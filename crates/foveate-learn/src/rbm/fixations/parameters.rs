@@ -36,7 +36,7 @@ pub(super) struct Parameters {
     pub(super) class_bias: Vec<f32>,
 }
 
-/// What is subtracted from glimpses, n_v; it is not learned but measured.
+/// The mean subtracted from glimpses, n_v; measured, not learned.
 pub(super) type Offset = Vec<f32>;
 
 /// Names of the tensors in files.

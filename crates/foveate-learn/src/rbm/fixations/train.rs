@@ -174,7 +174,7 @@ impl Trainer {
         let (t, done) = ((steps + 1) as f32, steps as f32 / (r.epochs * batches) as f32);
         let rate = r.rate * (1.0 - done).max(0.0);
         let (one, two) = (1.0 - PAST.0.powf(t), 1.0 - PAST.1.powf(t));
-        // The mean forgets the beginning: its memory is at most a fifth of the steps done.
+        // The mean decays: its memory is at most a fifth of the steps done.
         let share = 1.0 - r.average.min((1.0 + t) / (6.0 + t));
         let scale = 1.0 / n as f32;
         let (step, widen) = (rate / one, two.sqrt().recip());
