@@ -320,9 +320,11 @@ fn without_range(docs: &str, range: &str) -> String {
     let open = least.parse().is_ok_and(|least: f64| least <= 1e-3) && least != "0";
     let spellings = [range, if open { &above } else { range }];
     let mut text = docs.to_owned();
-    for (spelling, mark, end) in spellings.iter().flat_map(|s| [",", ";"].map(|mark| (s, mark))).flat_map(|(s, mark)| {
-        [".", ":", ",", ";"].map(|end| (s, mark, end))
-    }) {
+    for (spelling, mark, end) in spellings
+        .iter()
+        .flat_map(|s| [",", ";"].map(|mark| (s, mark)))
+        .flat_map(|(s, mark)| [".", ":", ",", ";"].map(|end| (s, mark, end)))
+    {
         text = text.replacen(&format!("{mark} {spelling}{end}"), end, 1);
     }
     text
