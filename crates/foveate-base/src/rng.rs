@@ -70,6 +70,8 @@ pub enum Purpose {
     Redetection = 9,
     /// Where the particles of a target that has leapt start again.
     LocalSearch = 10,
+    /// Where the particles start again at the place with the colours of the target.
+    ColourSearch = 11,
 }
 
 /// A family of independent random streams with one name.

@@ -68,6 +68,15 @@ impl Candidates {
     pub(super) fn found(&self) -> impl Iterator<Item = State> {
         self.found.iter().map(|found| found.state)
     }
+    /// Begins with these places, of a lattice: distance of neighbouring places and of the farthest, template units, for a box of these half
+    /// sides. To be scored.
+    pub(crate) fn begin(&mut self, places: &[State], half: (f64, f64), (step, reach): (f64, f64)) -> &[State] {
+        (self.half, self.apart, self.area) = (half, (step * half.0, step * half.1), (2.0 * reach).powi(2));
+        self.resume([]);
+        self.states.clear();
+        self.states.extend_from_slice(places);
+        &self.states
+    }
     /// Takes places for the best so far; they will have to be scored again to be drawn from.
     pub(super) fn resume(&mut self, states: impl IntoIterator<Item = State>) {
         self.found.clear();

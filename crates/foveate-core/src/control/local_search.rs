@@ -52,6 +52,42 @@ impl LocalSearchSettings {
     }
 }
 
+/// The search by colours for a target that is too fast for its shape.
+///
+/// A target that moves by about its width in a frame or more is blurred, and before other ground than in the last frame, so its shape fits
+/// nowhere. If it has moved fast in the last frame or is new, and the estimate fits badly, all particles restart at the place near the last
+/// one that fits best by its shape and colours, with the velocity of that leap.
+#[derive(Clone, Debug)]
+pub struct ByColour {
+    pub(crate) candidates: Candidates,
+    /// The places to be scored, their colour distances and their scores.
+    pub(crate) places: Vec<State>,
+    pub(crate) colours: Vec<f64>,
+    pub(crate) scores: Vec<f64>,
+}
+
+impl ByColour {
+    /// Frames in which the velocity of a new target is unknown.
+    pub(crate) const NEW: u64 = 2;
+    /// Expected velocity from which on a target is fast, template units a frame: the dynamics damp it by half.
+    pub(crate) const FAST: f64 = 0.35;
+    /// Share of the way from the reference log-likelihood on the target to that off it, from which on the estimate fits badly.
+    pub(crate) const UNFIT: f64 = 0.5;
+    /// Largest colour distance at which an estimate stays, and that of the place to which the particles move.
+    pub(crate) const NEAR: f64 = 0.3;
+    pub(crate) const FAR: f64 = 0.7;
+    /// Largest colour distance of a place that is looked at more closely: it may be off the target by half of the step of the lattice.
+    pub(crate) const WORTH: f64 = 0.95;
+    /// Nats of a colour distance of 1, and nats by which the new place must be better.
+    pub(crate) const NATS: f64 = 30.0;
+    pub(crate) const BETTER: f64 = 3.0;
+
+    fn new(draw: Draw) -> Self {
+        let candidates = Candidates::new(Draw { share: 1.0, ..draw });
+        Self { candidates, places: vec![], colours: vec![], scores: vec![] }
+    }
+}
+
 /// How often places are made finer, by a third each time.
 pub const CLOSER: usize = 3;
 
@@ -63,13 +99,15 @@ pub const WORTH: f64 = 5.0;
 pub struct LocalSearch {
     settings: LocalSearchSettings,
     pub(crate) candidates: Candidates,
+    pub(crate) by_colour: ByColour,
 }
 
 impl LocalSearch {
     /// With these settings.
     pub fn new(settings: LocalSearchSettings) -> Self {
         let LocalSearchSettings { places, share, spread, chance, .. } = settings;
-        Self { settings, candidates: Candidates::new(Draw { places, share, spread, chance }) }
+        let draw = Draw { places, share, spread, chance };
+        Self { settings, candidates: Candidates::new(draw), by_colour: ByColour::new(draw) }
     }
     /// The settings it was made with.
     pub fn settings(&self) -> &LocalSearchSettings {
@@ -78,13 +116,7 @@ impl LocalSearch {
     /// Begins with these places about an estimate, of a lattice: distance of neighbouring places and of the farthest, template units. To
     /// be scored.
     pub fn begin(&mut self, places: &[State], estimate: &State, extent: Extent, lattice: (f64, f64)) -> &[State] {
-        let ((step, reach), half) = (lattice, estimate.half(extent));
-        let it = &mut self.candidates;
-        (it.half, it.apart, it.area) = (half, (step * half.0, step * half.1), (2.0 * reach).powi(2));
-        it.resume([]);
-        it.states.clear();
-        it.states.extend_from_slice(places);
-        &it.states
+        self.candidates.begin(places, estimate.half(extent), lattice)
     }
 }
 

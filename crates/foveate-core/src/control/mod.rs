@@ -31,7 +31,7 @@ pub use self::detection_likelihood::DetectionLikelihood;
 pub use self::distractors::{DistractorSearch, DistractorSettings, distractors};
 pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::leap::Leap;
-pub use self::local_search::{CLOSER, LocalSearch, LocalSearchSettings, WORTH};
+pub use self::local_search::{ByColour, CLOSER, LocalSearch, LocalSearchSettings, WORTH};
 pub use self::mixture::{Mixing, Mixture};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::redetection::{REFINEMENTS, Redetection, RedetectionSettings};

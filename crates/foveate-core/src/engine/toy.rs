@@ -29,6 +29,8 @@ const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: 0.0, off: OFF }
 pub(crate) struct Toy {
     /// Column of the target.
     pub at: f64,
+    /// Column of the colours of the target, 20 pixels wide; `None` if its surroundings have them too.
+    pub colours: Option<f64>,
     pub committed: Gaze,
     /// The number of templates it has received.
     pub templates: Arc<AtomicUsize>,
@@ -67,7 +69,7 @@ impl Memory for Learned {
 
 impl Toy {
     pub(crate) fn at(at: f64) -> Self {
-        Self { at, committed: Gaze::CENTRE, templates: Arc::default(), learned: None }
+        Self { at, colours: None, committed: Gaze::CENTRE, templates: Arc::default(), learned: None }
     }
 
     /// The features of a column: one axis for each 10 pixels.
@@ -91,6 +93,11 @@ impl Appearance for Toy {
     fn glimpse(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
         percept.gaze = gaze;
         percept.features = self.axis(state.x).to_vec();
+    }
+    fn colour_distances(&mut self, _: &Image, states: &[State], out: &mut [f64]) -> bool {
+        let Some(at) = self.colours else { return false };
+        out.iter_mut().zip(states).for_each(|(out, state)| *out = ((state.x - at).abs() / 20.0).min(1.0));
+        true
     }
     fn width(&self) -> usize {
         6

@@ -95,6 +95,23 @@ impl<'a> View<'a> {
         self.prepared_scores(places)
     }
 
+    /// Computes the colour distance of each place, and its score less these nats per unit of colour distance. Returns false if colours do
+    /// not tell the target from its surroundings.
+    pub(super) fn colour_scores(
+        &mut self,
+        places: &[State],
+        nats: f64,
+        (colours, scores): (&mut Vec<f64>, &mut Vec<f64>),
+    ) -> bool {
+        colours.resize(places.len(), 0.0);
+        if !self.appearance.colour_distances(self.scene.image, places, colours) {
+            return false;
+        }
+        scores.clear();
+        scores.extend(self.scores(places).iter().zip(&*colours).map(|(score, colour)| score - nats * colour));
+        true
+    }
+
     /// Computes the scores of [`View::scores`] for prepared places.
     pub(super) fn prepared_scores(&mut self, places: &[State]) -> &[f64] {
         self.scratch.scores.resize(places.len(), 0.0);

@@ -13,6 +13,9 @@
 
 use serde::{Deserialize, Serialize};
 
+mod broad;
+
+use self::broad::Broad;
 pub(super) use super::integral::step;
 use super::integral::{Bins, COLOUR, GREY, Integral, parts};
 use super::numbers::floats;
@@ -109,6 +112,8 @@ pub struct Colour {
     probability: Vec<f32>,
     /// The same as [`Integral`] sums it.
     parts: Vec<u16>,
+    /// Made when it is needed first.
+    broad: Option<Broad>,
     pub(super) counts: Counts,
 }
 
@@ -129,6 +134,7 @@ impl Colour {
             state: ColourState { first: Histograms::default(), recent: Histograms::default(), contrast: LEAST },
             probability: vec![],
             parts: vec![],
+            broad: None,
             counts: Counts::default(),
         }
     }
@@ -142,6 +148,7 @@ impl Colour {
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
         self.counts.count(image, state, extent);
         self.state.first.clone_from(&self.counts.now);
+        self.broad = None;
         self.restart();
         let mut sums = Integral::default();
         let (w, h) = state.half(extent);
@@ -188,6 +195,13 @@ impl Colour {
         1.0 - (contrast(sums, state, extent) / self.state.contrast).clamp(RANGE.0, RANGE.1)
     }
 
+    /// Writes how far the colours at each state are from those of the target in frame 1, in broad bins, which mixed colours hardly change: 0
+    /// on the target, 1 without contrast. Returns false, and writes nothing, if the target has the colours of its surroundings.
+    pub fn broad_distances(&mut self, image: &Image, states: &[State], extent: Extent, out: &mut [f64]) -> bool {
+        let broad = self.broad.get_or_insert_with(|| Broad::of(&self.state.first));
+        broad.distances(image, states, extent, &mut self.counts.bins, out)
+    }
+
     /// p(target | bin) of all bins.
     fn judge(&mut self) {
         let share = self.settings.first_frame_weight as f32;
@@ -203,6 +217,7 @@ impl Colour {
     /// Continues from a valid state.
     pub(super) fn resume(&mut self, state: ColourState) {
         self.state = state;
+        self.broad = None;
         self.judge();
     }
 }

@@ -319,6 +319,11 @@ impl Appearance for GazeAppearance {
         percept.colour = self.colour.as_ref().map_or(0.0, colour);
     }
 
+    fn colour_distances(&mut self, image: &Image, states: &[State], out: &mut [f64]) -> bool {
+        let extent = self.extent();
+        self.colour.as_mut().is_some_and(|colour| colour.broad_distances(image, states, extent, out))
+    }
+
     fn width(&self) -> usize {
         self.encoder.shape().1
     }

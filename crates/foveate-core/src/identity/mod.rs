@@ -119,6 +119,11 @@ pub trait Appearance: Send + Sync {
         self.log_likelihood(&[*state], gaze, &mut log_likelihood);
         *percept = Percept { gaze, distance: -log_likelihood[0], ..Percept::default() };
     }
+    /// Writes how far the colours at each of these states are from those of the target in frame 1, robust to blur: 0 on the target, 1 in
+    /// colours of the surroundings. Returns false, and writes nothing, if colours do not tell the target from its surroundings.
+    fn colour_distances(&mut self, _image: &Image, _states: &[State], _out: &mut [f64]) -> bool {
+        false
+    }
     /// Length of its features; 0 if it has none.
     fn width(&self) -> usize {
         0
