@@ -58,7 +58,7 @@ impl LocalSearchSettings {
 /// nowhere. If it has moved fast in the last frame or is new, and the estimate fits badly, all particles restart at the place near the last
 /// one that fits best by its shape and colours, with the velocity of that leap.
 #[derive(Clone, Debug)]
-pub struct ByColour {
+pub(crate) struct ByColour {
     pub(crate) candidates: Candidates,
     /// The places to be scored, their colour distances and their scores.
     pub(crate) places: Vec<State>,
