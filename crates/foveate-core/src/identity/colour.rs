@@ -14,8 +14,11 @@
 use serde::{Deserialize, Serialize};
 
 mod broad;
+mod contrast;
 
 use self::broad::Broad;
+pub(super) use self::contrast::RING;
+use self::contrast::{EMPTY, FULL, LEAST, RANGE, contrast};
 pub(super) use super::integral::step;
 use super::integral::{Bins, COLOUR, GREY, Integral, parts};
 use super::numbers::floats;
@@ -64,16 +67,6 @@ impl Settings {
 const INSIDE: f64 = 0.8;
 /// The surroundings: from here on to there.
 const AROUND: (f64, f64) = (1.1, 2.0);
-/// How far the ring goes that a state's box is compared with.
-pub(super) const RING: f64 = 1.5;
-/// Contrast of frame 1 from which on the cue has its whole weight.
-const FULL: f64 = 0.4;
-/// Less contrast than this is none.
-const LEAST: f64 = 0.02;
-/// Bins with a smaller share of all pixels are ignored.
-const EMPTY: f32 = 1e-4;
-/// How far off a distance may lie.
-const RANGE: (f64, f64) = (-0.2, 1.2);
 
 /// Shares of the bins in the target and in its surroundings.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -198,7 +191,7 @@ impl Colour {
     /// Writes how far the colours at each state are from those of the target in frame 1, in broad bins, which mixed colours hardly change: 0
     /// on the target, 1 without contrast. Returns false, and writes nothing, if the target has the colours of its surroundings.
     pub fn broad_distances(&mut self, image: &Image, states: &[State], extent: Extent, out: &mut [f64]) -> bool {
-        let broad = self.broad.get_or_insert_with(|| Broad::of(&self.state.first));
+        let broad = self.broad.get_or_insert_with(|| Broad::of([&self.state.first.target, &self.state.first.around]));
         broad.distances(image, states, extent, &mut self.counts.bins, out)
     }
 
@@ -220,18 +213,6 @@ impl Colour {
         self.broad = None;
         self.judge();
     }
-}
-
-/// Mean probability inside the box minus that in a ring around it. Pixels outside the picture are background.
-fn contrast(sums: &Integral, s: &State, extent: Extent) -> f64 {
-    if sums.is_empty() {
-        return 0.0;
-    }
-    let (w, h) = s.half(extent);
-    let (inside, n) = sums.over(s.x - w, s.y - h, s.x + w, s.y + h);
-    let (all, m) = sums.over(s.x - RING * w, s.y - RING * h, s.x + RING * w, s.y + RING * h);
-    let whole = sums.samples(2.0 * w, 2.0 * h);
-    inside / whole.max(n).max(1.0) - (all - inside) / (m - n).max(1.0)
 }
 
 /// The whole pixels from `from` to `to` that a picture has along a side.

@@ -239,12 +239,6 @@ impl GazeAppearance {
         self.encoder.encode(Rows::new(template_glimpse, n_v), RowsMut::new(template, n_h));
         self.distance.keep(template);
     }
-
-    fn keep(&mut self, kept: Template) {
-        self.template = Some(kept.pyramid(&*self.retina));
-        self.kept = Some(kept);
-        self.scratch.template_gaze = None;
-    }
 }
 
 fn looks(retina: &dyn Retina, extent: Extent) -> Looks<'_> {

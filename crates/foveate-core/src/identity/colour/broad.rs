@@ -4,8 +4,9 @@
 //! smoothed over neighbouring bins, and then recognise mixed colours too. Broad bins separate less than narrow ones, so they weigh no
 //! particles.
 
-use super::{Bins, EMPTY, FULL, GREY, Histograms, Integral, LEAST, RANGE, RING, contrast, parts, step};
+use super::contrast::{EMPTY, FULL, RANGE, RING, contrast};
 use crate::geometry::{Extent, State};
+use crate::identity::integral::{Bins, GREY, Integral, parts, step};
 use crate::scene::Image;
 
 /// Smoothing by [w, 1 - 2w, w] along each axis of the bins: w, and how often. The standard deviation is 1.9 bins.
@@ -23,13 +24,13 @@ pub(super) struct Broad {
 }
 
 impl Broad {
-    /// Of the histograms of frame 1.
-    pub(super) fn of(first: &Histograms) -> Self {
-        let [target, around] = [&first.target, &first.around].map(|it| smooth(it.clone()));
+    /// Of the histograms of target and surroundings in frame 1.
+    pub(super) fn of(first: [&Vec<f32>; 2]) -> Self {
+        let [target, around] = first.map(|it| smooth(it.clone()));
         let probability: Vec<f32> =
             target.iter().zip(&around).map(|(f, b)| (f + 0.5 * EMPTY) / (f + b + EMPTY)).collect();
         let mean = |shares: &[f32]| shares.iter().zip(&probability).map(|(s, p)| f64::from(s * p)).sum::<f64>();
-        let mut it = Self { contrast: mean(&first.target) - mean(&first.around), ..Self::default() };
+        let mut it = Self { contrast: mean(first[0]) - mean(first[1]), ..Self::default() };
         parts(&probability, &mut it.parts);
         it
     }
@@ -61,7 +62,7 @@ impl Broad {
         }
         self.sums.fill(image, region, step(least), &self.parts, bins);
         for (state, out) in states.iter().zip(out) {
-            *out = 1.0 - (contrast(&self.sums, state, extent) / self.contrast.max(LEAST)).clamp(RANGE.0, RANGE.1);
+            *out = 1.0 - (contrast(&self.sums, state, extent) / self.contrast).clamp(RANGE.0, RANGE.1);
         }
         true
     }

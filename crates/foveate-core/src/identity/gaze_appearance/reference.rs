@@ -1,6 +1,6 @@
 //! The committed gaze: the template and the learned appearance belong to it.
 
-use super::{GazeAppearance, Sharpness};
+use super::{GazeAppearance, Sharpness, Template};
 use crate::geometry::{Extent, Gaze, State};
 use crate::identity::dense::Dense;
 use crate::identity::{Appearance, calibrate};
@@ -32,6 +32,13 @@ impl GazeAppearance {
         let kept = self.kept.as_mut().expect("a template is kept before its reference likelihood is measured");
         kept.sharpness = sharpness;
         ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off }
+    }
+
+    /// Keeps a template, of which nothing is read yet.
+    pub(super) fn keep(&mut self, kept: Template) {
+        self.template = Some(kept.pyramid(&*self.retina));
+        self.kept = Some(kept);
+        self.scratch.template_gaze = None;
     }
 
     /// Moves the retina to another committed gaze; the learned appearance is still that of the last one.
