@@ -54,7 +54,7 @@ pub(crate) fn pictures(bytes: &[u8]) {
 /// A file with these bytes, for readers that read files.
 fn with_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
     thread_local!(static PLACE: std::path::PathBuf = {
-        // In memory, where there is such a place.
+        // In memory, if there is such a place.
         let memory = Path::new("/dev/shm");
         let place = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
         let place = place.join(format!("foveate-fuzz-{}-{:?}", std::process::id(), std::thread::current().id()));

@@ -1,4 +1,4 @@
-//! The page of `foveate serve` in a real browser, where one is installed: drawing by mouse and by keys, tracking, a correction, saving.
+//! The page of `foveate serve` in a real browser, if one is installed: drawing by mouse and by keys, tracking, a correction, saving.
 #![cfg(unix)]
 
 #[path = "browser/mod.rs"]

@@ -7,7 +7,7 @@
 /// The pairs `(row, column)` with the largest sum of scores, by row; min(rows, columns) of them.
 ///
 /// `scores` is rows × columns, row after row. Where several assignments are best, it is the one that scipy's
-/// `linear_sum_assignment` gives (free columns before taken ones, then in order of search), so that what is counted over
+/// `linear_sum_assignment` gives (free columns before taken ones, then in order of search), so that counts over
 /// pairs equals what peers count.
 ///
 /// # Panics

@@ -90,7 +90,7 @@ impl BBox {
         let side = |side: f64| (1e-3..=1e7).contains(&side);
         self.x.abs() <= 1e9 && self.y.abs() <= 1e9 && side(self.w) && side(self.h)
     }
-    /// Fails where it cannot be of any picture: a side is not from 0.001 to 10⁷ pixels, or a corner is beyond 10⁹.
+    /// Fails if no picture can hold it: a side is not from 0.001 to 10⁷ pixels, or a corner is beyond 10⁹.
     pub fn check(&self) -> Result<()> {
         let Self { x, y, w, h } = *self;
         if self.is_sane() {

@@ -80,7 +80,7 @@ impl Graph {
     /// The network for an input of these sides.
     ///
     /// # Errors
-    /// Where they do not fit, an operator is not known, sides of the output depend on what is seen, or it takes more memory
+    /// Fails if they do not fit, an operator is unknown, sides of the output depend on the input's values, or it takes more memory
     /// than there may be.
     pub(crate) fn network(&self, sides: &[usize]) -> Result<Network> {
         let shown = fixed(sides);
@@ -122,10 +122,10 @@ impl Network {
         &self.output
     }
 
-    /// What it makes of `input`, whose sides are those that it was made for, row-major; `output` has as many numbers as its sides say.
+    /// Computes the output for `input`, which has the network's sides, row-major; `output` has as many numbers as its sides.
     ///
     /// # Errors
-    /// Where it fails after all: then `output` holds anything.
+    /// If the network fails, `output` is undefined.
     pub(crate) fn run(&self, input: &[f32], output: &mut [f32]) -> Result<()> {
         let ran = caught(|| {
             let input = Tensor::from_shape(&self.input, input)?;

@@ -1,4 +1,4 @@
-//! Threads, where there are any: with the feature `threads`. The results never depend on them.
+//! Threads, if there are any: with the feature `threads`. The results never depend on them.
 
 #[cfg(feature = "threads")]
 use {foveate_base::thread::started, rayon::prelude::*};
@@ -32,7 +32,7 @@ pub(crate) fn with<T: Send>(threads: usize, f: impl FnOnce() -> T + Send) -> T {
     return (f(), threads).0;
 }
 
-/// Runs `f` on every item and its index; in parallel, where there are several items and threads.
+/// Runs `f` on every item and its index; in parallel, if there are several items and threads.
 pub(crate) fn each<T: Send>(items: &mut [T], f: impl Fn(usize, &mut T) + Send + Sync) {
     #[cfg(feature = "threads")]
     if items.len() > 1 && count() > 1 {

@@ -2,7 +2,7 @@
 //!
 //! Points are scaled to the unit cube, values to mean 0 and deviation 1. The process has a Matérn 5/2 kernel and a length scale for each
 //! variable; the hyper-parameters are fitted (MAP) as values arrive. The first points are a Latin hypercube. Each later point maximises the
-//! upper confidence bound m(x) + κ s(x) (GP-UCB; Srinivas et al. 2010): DIRECT searches the whole cube, then quasi-Newton steps go on
+//! upper confidence bound m(x) + κ s(x) (GP-UCB; Srinivas et al. 2010): DIRECT searches the whole cube, then quasi-Newton steps continue
 //! from its point and from the best points observed.
 //!
 //! Deviation: κ cycles through 2, 1 and 0.1 instead of growing with √(ln t). The bound of the theory explores for ever; here every third

@@ -27,7 +27,7 @@ pub struct Saved<const D: usize> {
     pub hyper: Hyper<D>,
     /// Where was observed, oldest first.
     pub points: Vec<[f64; D]>,
-    /// What was observed there.
+    /// The observed values.
     pub values: Vec<f64>,
 }
 
@@ -97,7 +97,7 @@ impl<const D: usize> Gp<D> {
     pub fn points(&self) -> &[[f64; D]] {
         &self.points
     }
-    /// What was observed there.
+    /// The observed values.
     pub fn values(&self) -> &[f64] {
         &self.values
     }
@@ -114,7 +114,7 @@ impl<const D: usize> Gp<D> {
         self.factor.jitter
     }
 
-    /// Other values at the same points, for example standardised anew: n² operations, the factor stays. What is not a number
+    /// Other values at the same points, for example standardised anew: n² operations, the factor stays. A NaN
     /// counts as 0.
     ///
     /// # Panics

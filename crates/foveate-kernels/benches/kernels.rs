@@ -287,7 +287,7 @@ fn main() {
     frame(image, &bias, &w);
 }
 
-/// What the kernels take of one tracker frame: levels of the pyramid where the particles are, glimpses of 144 + 48 + 48
+/// The kernels' share of one tracker frame: levels of the pyramid where the particles are, glimpses of 144 + 48 + 48
 /// cells of 1, 3 and 6 pixels, and the sums of their overlap with the template.
 fn frame(image: Pixels<'_>, bias: &[f32], weights: &[f32]) {
     // Cells of side 1, 3 and 6 fill squares of 12, 24 and 48 pixels, each but where the one before lies.

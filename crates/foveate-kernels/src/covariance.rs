@@ -136,7 +136,7 @@ fn gradient_tiles<T: Vector, const R: usize>(points: Points, c: &[f64], w: &[f64
             m = subtract(m, p, q, (stride, stride), n - first);
             let slope = load::<T, R, 2>(c, stride, top, left);
             if left < top + R {
-                // On the diagonal: what is above it counts.
+                // On the diagonal: only the part above it counts.
                 for r in 0..R {
                     let (mut numbers, mut mask) = ([0.0; SQUARE], [0.0; SQUARE]);
                     m[r][0].store(&mut numbers);

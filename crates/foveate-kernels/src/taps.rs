@@ -167,7 +167,7 @@ impl Places {
         unsafe { self.read_corners::<V>(plane, out) }
     }
 
-    /// Where there is one column or one row.
+    /// Interpolates in a plane of one column or one row.
     #[cold]
     fn read_narrow<const V: u8>(&self, plane: &Plane<'_>, out: &mut [f32; CELLS]) {
         let (right, below) = ((plane.width > 1) as usize, (plane.height > 1) as usize * plane.stride);

@@ -3,7 +3,7 @@
 //! *Behind*: the surroundings of the target are mirrored over it, frame by frame, as if a thing of the background's texture
 //! stood before it. *Away*: the camera looks elsewhere, so that the target leaves the picture at the nearer side, and looks
 //! back. *Elsewhere*: the same, and afterwards the camera points to another place than before, so that the target is back
-//! somewhere else in the picture. What a moved camera would see beyond the old picture's edge is the mirrored picture with the
+//! somewhere else in the picture. Beyond the old picture's edge a moved camera sees the mirrored picture with the
 //! target covered: a second target there would rightly be found.
 
 use rand::RngExt;
@@ -124,7 +124,7 @@ impl Hide {
     }
 }
 
-/// The picture moved by whole pixels; where there is nothing, mirrored without the target.
+/// The picture moved by whole pixels; empty parts mirrored without the target.
 fn shifted(image: &Image, target: Option<BBox>, (dx, dy): (isize, isize)) -> Image {
     let (w, h) = (image.width(), image.height());
     let beyond = target.map_or_else(|| image.clone(), |target| covered(image, &target));

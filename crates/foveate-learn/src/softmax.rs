@@ -39,7 +39,7 @@ struct About {
 impl Softmax {
     /// From W (n_in × n_c, row-major), b (n_c) and T.
     ///
-    /// Fails where they do not fit, a number is not finite, or T is not within 0.001 and 1000.
+    /// Fails if they do not fit, a number is not finite, or T is not within 0.001 and 1000.
     pub fn new(weights: Vec<f32>, bias: Vec<f32>, temperature: f64) -> Result<Self> {
         let n = bias.len();
         let finite = weights.iter().chain(&bias).all(|x| x.is_finite());
@@ -76,7 +76,7 @@ impl Softmax {
     pub fn at(self, temperature: f64) -> Self {
         Self { temperature: temperature.clamp(1e-3, 1e3), ..self }
     }
-    /// Fits T on rows that W and b were not fitted on. Fails where they do not fit.
+    /// Fits T on rows that W and b were not fitted on. Fails if they do not fit.
     pub fn calibrate(&mut self, rows: Rows<'_>, labels: &[u8]) -> Result<()> {
         let (values, width) = (rows.data(), rows.width());
         Examples { values, width, labels, weights: None, classes: self.classes() }.check()?;

@@ -51,7 +51,7 @@ pub fn skip(missing: &str) {
 /// A file or folder of the test data: below the folder that `FOVEATE_DATA` names, or `data` beside `crates`.
 ///
 /// # Errors
-/// Where it does not exist.
+/// Fails if it does not exist.
 pub fn data(path: &str) -> Result<PathBuf, String> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
     let found = std::env::var_os("FOVEATE_DATA").map_or_else(beside, PathBuf::from).join(path);
@@ -61,7 +61,7 @@ pub fn data(path: &str) -> Result<PathBuf, String> {
 /// The program ffmpeg.
 ///
 /// # Errors
-/// Where it is not installed.
+/// Fails if it is not installed.
 pub fn ffmpeg() -> Result<(), String> {
     program("ffmpeg", "-version")
 }
@@ -69,7 +69,7 @@ pub fn ffmpeg() -> Result<(), String> {
 /// The program node.
 ///
 /// # Errors
-/// Where it is not installed.
+/// Fails if it is not installed.
 pub fn node() -> Result<(), String> {
     program("node", "--version")
 }
@@ -77,7 +77,7 @@ pub fn node() -> Result<(), String> {
 /// A program, which the argument `version` makes print its version.
 ///
 /// # Errors
-/// Where it is not installed.
+/// Fails if it is not installed.
 pub fn program(name: &str, version: &str) -> Result<(), String> {
     let status = Command::new(name).arg(version).stdout(Stdio::null()).stderr(Stdio::null()).status();
     if status.is_ok_and(|status| status.success()) { Ok(()) } else { Err(format!("program {name}")) }

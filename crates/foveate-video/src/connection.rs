@@ -112,7 +112,7 @@ impl Connection {
     /// Opens a stream and waits for its first frame. Reconnects if no frame arrives for `stall`.
     ///
     /// # Errors
-    /// Where the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
+    /// Fails if the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
     pub(crate) fn open(address: &Path, options: LiveOptions, stall: Duration) -> Result<Self> {
         let shown = PathBuf::from(&*without_password(&address.to_string_lossy()));
         let wrong = |problem: String| Error::malformed(&shown, problem);

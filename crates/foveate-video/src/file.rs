@@ -40,7 +40,7 @@ impl VideoFile {
     /// Opens a video file and decodes its first frame.
     ///
     /// # Errors
-    /// Where the file cannot be read, has no video, its first frame cannot be decoded, or its kind needs
+    /// Fails if the file cannot be read, has no video, its first frame cannot be decoded, or its kind needs
     /// ffmpeg and that is not installed.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::open_with(path, &Options::default())
@@ -61,7 +61,7 @@ impl VideoFile {
     /// `name`.
     ///
     /// # Errors
-    /// Where it cannot be read, is no MP4 file with H.264, or its first frame cannot be decoded.
+    /// Fails if it cannot be read, is no MP4 file with H.264, or its first frame cannot be decoded.
     pub fn from_reader(name: impl Into<PathBuf>, file: impl Read + Seek + Send + 'static, len: u64) -> Result<Self> {
         let options = Options { decoder: Decoder::Builtin, ..Options::default() };
         Self::read(&name.into(), Box::new(file), len, &options)

@@ -29,7 +29,7 @@ impl ImageFolder {
     /// Opens a folder, or the one inside that holds the frames ([`frames_folder`]).
     ///
     /// # Errors
-    /// Where the folder cannot be read, has no PNG or JPEG file, or the first cannot be decoded.
+    /// Fails if the folder cannot be read, has no PNG or JPEG file, or the first cannot be decoded.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::from_files(image_files(path)?)
     }
@@ -37,7 +37,7 @@ impl ImageFolder {
     /// Frames from these files, in this order.
     ///
     /// # Errors
-    /// Where there is none, or the first cannot be decoded.
+    /// Fails if there is none, or the first cannot be decoded.
     pub fn from_files(files: Vec<PathBuf>) -> Result<Self> {
         let Some(path) = files.first() else {
             return Err(Error::Invalid("a source of frames needs at least one image file, got none".into()));
@@ -108,7 +108,7 @@ pub fn frames_folder(path: &Path) -> PathBuf {
 /// The PNG and JPEG files of [`frames_folder`] in natural order.
 ///
 /// # Errors
-/// Where the folder cannot be read, has none, has two for one frame (`1.jpg` and `1.png`), or has video files, too, as the folder of a
+/// Fails if the folder cannot be read, has none, has two for one frame (`1.jpg` and `1.png`), or has video files, too, as the folder of a
 /// camera: pictures that lie beside videos are no frames of one.
 pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     let folder = frames_folder(path.as_ref());

@@ -26,7 +26,7 @@ pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
     /// Passes over the next frames; at the end of the source over fewer.
     ///
     /// # Errors
-    /// Where the source breaks.
+    /// Fails if the source breaks.
     fn pass_over(&mut self, count: usize) -> Result<()> {
         for _ in 0..count {
             match self.next() {

@@ -38,7 +38,7 @@ impl Live {
     /// Opens an address and waits for its first frame.
     ///
     /// # Errors
-    /// Where the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
+    /// Fails if the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
     pub fn open(address: &Path, options: LiveOptions) -> Result<Self> {
         let (program, listen, reconnect) = (options.ffmpeg.clone(), options.listen, options.reconnect);
         let mut stream = Connection::open(address, options, STALL)?;

@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn no_text_panics() {
-        // 20,000 texts of random fragments, seed 1: anything but a panic is right; what is read is read again.
+        // 20,000 texts of random fragments, seed 1: anything but a panic is right; text that parses is written and parsed again.
         let parts = ["1", "2", "3,", "-2.5", "NaN", "inf", ",", ";", "\t", " ", "\n", "1e9", "é", "\u{feff}", "-", "0"];
         for trial in 0..20_000 {
             let mut rng = Streams::new(1, 0).at(trial, Purpose::Scene).rng(0);

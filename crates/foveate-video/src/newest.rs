@@ -200,7 +200,7 @@ mod tests {
         Box::new(Camera(info, 0, frames, every))
     }
 
-    /// A source five times as fast as its reader: what is dropped is counted, what comes is new, and the error comes at the end.
+    /// A source five times as fast as its reader: drops are counted, frames are new, and the error comes at the end.
     #[test]
     fn a_slow_reader_gets_new_frames() {
         let (source, meter) = newest(camera(300, 2), Pace::default(), || false);

@@ -9,7 +9,7 @@ use foveate_base::{Error, Result};
 /// if the path is no pattern or a file has exactly this name.
 ///
 /// # Errors
-/// Where the folder cannot be read, has no file of the pattern, or a number is missing between the first and the last.
+/// Fails if the folder cannot be read, has no file of the pattern, or a number is missing between the first and the last.
 pub(crate) fn files(path: &Path) -> Result<Option<Vec<PathBuf>>> {
     let Some((before, digits, after)) = path.file_name().and_then(|name| parts(name.to_str()?)) else {
         return Ok(None);

@@ -38,7 +38,7 @@ impl Piped {
     /// yuv4mpeg; `read` was read of it already. `name` is for errors.
     ///
     /// # Errors
-    /// Where it does not begin as yuv4mpeg does.
+    /// Fails if it does not begin as yuv4mpeg does.
     pub(crate) fn y4m(name: PathBuf, reader: Bytes, read: &[u8]) -> Result<Self> {
         let stream = Y4m::new(reader, read).map_err(|error| match error {
             DecodeError::Damaged(problem) | DecodeError::Unsupported(problem) => Error::malformed(&name, problem),
@@ -56,7 +56,7 @@ impl Piped {
     /// to have another width.
     ///
     /// # Errors
-    /// Where the size is none, or the bytes are no whole number of frames.
+    /// Fails if the size is none, or the bytes are no whole number of frames.
     pub(crate) fn raw(name: PathBuf, reader: Bytes, bytes: Option<u64>, raw: Raw, notify: fn(&str)) -> Result<Self> {
         let (width, height) = (raw.width, raw.height);
         if ![width, height].iter().all(|side| (1..=MAX_SIDE).contains(side)) {

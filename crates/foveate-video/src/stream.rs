@@ -108,7 +108,7 @@ impl Mp4 {
     /// Lets ffmpeg decode, from the first frame on; `file` is this file once more.
     ///
     /// # Errors
-    /// Where the program is not there or does not start.
+    /// Fails if the program is not there or does not start.
     pub(crate) fn feed(&mut self, mut file: File, program: &Path, leash: &Leash) -> Result<(), String> {
         let samples: Vec<u32> = (0..self.movie.samples.len() as u32).filter(|&i| !self.lost(i as usize)).collect();
         let mut order = samples.clone();

@@ -51,7 +51,7 @@ impl TileFolder {
     /// Opens a folder of frames.
     ///
     /// # Errors
-    /// Where it cannot be read, or its first frame has no tiles.
+    /// Fails if it cannot be read, or its first frame has no tiles.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let entries = std::fs::read_dir(path).map_err(Error::io(path, "cannot read the folder"))?;
@@ -223,7 +223,7 @@ fn load(frame: &Path, level: usize, at: (usize, usize)) -> Result<Image> {
 /// Cuts a picture into tiles of this side, at so many levels, in a folder of its own.
 ///
 /// # Errors
-/// Where a side is 0, or files cannot be written.
+/// Fails if a side is 0, or files cannot be written.
 pub fn write_tiles(frame: impl AsRef<Path>, image: &Image, side: usize, levels: usize) -> Result<()> {
     if side == 0 || levels == 0 {
         return Err(Error::Invalid("tiles need a side and a level of at least 1".into()));

@@ -34,7 +34,7 @@ impl Timing {
         let mut runs: Vec<(u32, u32)> = vec![];
         let mut now = 0.0;
         for time in times.iter().skip(1).copied().chain(end) {
-            // From where the file is, not from frame to frame: what is rounded does not add up.
+            // From where the file is, not from frame to frame: so that rounding does not accumulate.
             let each = (units(time - first) - now).clamp(1.0, f64::from(u32::MAX)) as u32;
             now += f64::from(each);
             match runs.last_mut() {

@@ -75,7 +75,7 @@ fn mask(text: &str) -> std::result::Result<Option<BBox>, String> {
             continue;
         }
         let (top, bottom) = (from / w, (at - 1) / w);
-        // A run that goes on in the next row has the last pixel of a row and the first of another.
+        // A run that continues in the next row has the last pixel of a row and the first of another.
         let (left, right) = if top == bottom { (from % w, (at - 1) % w) } else { (0, w - 1) };
         ends = Some(match ends {
             None => [left, top, right, bottom],

@@ -1,4 +1,4 @@
-//! The page without a server in a real browser, where one is installed: files, a pretended camera, drawing, corrections, saving,
+//! The page without a server in a real browser, if one is installed: files, a pretended camera, drawing, corrections, saving,
 //! the lesson, memory.
 #![cfg(unix)]
 
@@ -127,7 +127,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
         browser.value(&fetched).as_str().map(str::to_owned)
     };
     let shown = browser.boxes();
-    // The policy of the page lets nothing be fetched but its own files: the links are for the person, so the test asks the tracker.
+    // The policy of the page lets nothing be fetched but its own files: the links are for users, so the test checks the tracker.
     assert_eq!(text(&mut browser, "boxes.txt"), None);
     browser.complaints.retain(|complaint| !complaint.contains("Content Security Policy"));
     for (name, lines) in [("boxes.txt", FRAMES), ("track.csv", FRAMES + 1), ("track.jsonl", FRAMES)] {

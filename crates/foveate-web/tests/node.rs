@@ -1,4 +1,4 @@
-//! The WebAssembly in node, where it is installed, on real sequences: the boxes are those of native code, and how fast.
+//! The WebAssembly in node, if it is installed, on real sequences: the boxes are those of native code, and how fast.
 
 mod page;
 

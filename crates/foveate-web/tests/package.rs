@@ -150,7 +150,7 @@ fn results_are_those_of_native_code_in_node_and_in_a_browser() {
     let found = in_node(dir.path(), &[frames.to_str().expect("UTF-8"), &description.to_string()]);
     println!("synthetic: {:.1e} px", scene.compare(&found, "fast", "multi-boxes"));
 
-    // Where there is no npm: the files are served as they are.
+    // Without npm: the files are served as they are.
     let check = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/package/check.js");
     std::fs::copy(check, dir.path().join("check.js")).expect("a writable folder");
     std::fs::write(dir.path().join("index.html"), "<!doctype html><title>package</title><link rel=icon href=data:,>")

@@ -3,7 +3,7 @@
 //! `cargo bench -p foveate --features lab --bench fixations -- [rounds]`.
 //! 500 features a fixation, 3 fixations, 250 factors, 500 hidden units, 10
 //! classes, batch 100; pseudo-random data. Every round times the same number of multiplications as plain products of the
-//! sizes the step has (the tall one alone would flatter nobody), and 1024 × 1024 × 1024 besides; shares are medians of the
+//! sizes the step has (the tall one alone would not be representative), and 1024 × 1024 × 1024 besides; shares are medians of the
 //! rounds' own. One JSON line a figure.
 
 use foveate::learn::rbm::fixations::{Code, Cost, Places, Recipe, Sequences, Trainer};

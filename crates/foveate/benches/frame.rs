@@ -108,7 +108,7 @@ fn multi(tracker: &mut MultiTracker, targets: usize, frames: usize) -> Result<Fr
 }
 
 /// A target of `side` px goes to and fro in the middle of a picture in colour, or is there in the first frames alone: then only
-/// frames count before which it was believed lost. Times of `frames` frames, each with the next one, milliseconds of CPU a frame.
+/// frames count that follow a frame with status lost. Times of `frames` frames, each with the next one, milliseconds of CPU a frame.
 fn one(name: &str, Size { width, height }: Size, side: usize, lost: bool, frames: usize) -> Result<FrameTime> {
     const TURN: usize = 12;
     let mut tracker = Tracker::new(name)?;

@@ -2,7 +2,7 @@
 //!
 //! 160 particles on a sequence in OTB layout, one window of 32 × 32 cells, grey and colour where the sequence has it, a fixed gaze, the
 //! cosine distance, one thread. `network` is three convolutions with stride 2 (16, 32 and 32 filters of 3 × 3; 512 features) of random
-//! weights; `identity` gives what it is fed, so that its time above `raw` is what a call costs.
+//! weights; `identity` returns its input, so that its time above `raw` is the cost of a call.
 //!
 //! `cargo bench -p foveate --features lab,onnx --bench onnx -- FOLDER`; one JSON line a figure: milliseconds of CPU
 //! a frame, the best of five runs, and the mean overlap of all of them.

@@ -1,6 +1,6 @@
 //! A particle filter in ten lines: follow a point that wanders, seen in noise only.
 //!
-//! Where everything is linear and Gaussian the Kalman filter is exact, so we can say how well ten lines do.
+//! If everything is linear and Gaussian, the Kalman filter is exact, so the error of ten lines can be measured.
 //! `cargo run --release -p foveate --example 01_particle_filter`
 
 use foveate::conformance::blank_image;

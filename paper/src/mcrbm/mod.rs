@@ -1,5 +1,5 @@
 //! The mean and covariance machine, a factored RBM (Ranzato & Hinton 2010; section 2.1 of the paper): covariance units
-//! see which relations between values hold, mean units what the values are.
+//! represent relations between values, mean units the values.
 //!
 //! On whitened glimpses x (n_x numbers), with x̂ = x / √(mean(x²) + ½), factors u = Cᵀx̂ and P ≥ 0:
 //! E(x, hᶜ, hᵐ) = ½ Σ_k h_kᶜ Σ_f P_fk u_f² − bᶜᵀhᶜ − xᵀWhᵐ − bᵐᵀhᵐ + ½‖x‖² − bᵛᵀx, in nats.

@@ -11,7 +11,7 @@ use std::time::{Duration, SystemTime};
 
 use super::faults::{Operation, attempt};
 
-/// What a process of another system or user left is litter once it is as old as this: one that cannot be seen from here, in another
+/// Files that a process of another system or user left are litter from this age on: a process that is not visible here, in another
 /// container, writes more often.
 const ABANDONED: Duration = Duration::from_secs(60);
 /// Bytes of a final name that go into a temporary one.
@@ -72,7 +72,7 @@ impl Part {
     /// reader.
     ///
     /// # Errors
-    /// Where the folder cannot be written.
+    /// Fails if the folder cannot be written.
     pub fn beside(path: &Path) -> io::Result<Self> {
         let no_file = std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir());
         // Standard output may be a file, which has more than this.
@@ -87,7 +87,7 @@ impl Part {
     /// The same for a name that the program makes in a folder of results: a link, fifo or device of that name is replaced.
     ///
     /// # Errors
-    /// Where the folder cannot be written.
+    /// Fails if the folder cannot be written.
     pub fn inside(path: &Path) -> io::Result<Self> {
         let part = temporary(path);
         sweep(folder_of(&part));
@@ -96,7 +96,7 @@ impl Part {
         Ok(Self { path: part, file: Some(file), to: Some(path.to_owned()) })
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -104,7 +104,7 @@ impl Part {
     /// Syncs the file to disk and renames it to its final name.
     ///
     /// # Errors
-    /// Where either fails: then the file of that name is as it was, and this one is gone.
+    /// Fails if either fails: then the file of that name is as it was, and this one is gone.
     pub fn keep(mut self) -> io::Result<()> {
         let Some(path) = &self.to else { return Ok(()) };
         attempt(Operation::Sync, path)?;
@@ -131,7 +131,7 @@ impl Write for Part {
 impl Drop for Part {
     fn drop(&mut self) {
         if self.file.take().is_some() && self.to.is_some() {
-            // It is not whole; a later run clears away what cannot be removed now.
+            // It is not whole; a later run removes the rest.
             let _ = std::fs::remove_file(&self.path);
         }
     }
@@ -205,7 +205,7 @@ pub fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Syncs all files below a folder at once. For thousands of files this takes half the time of one sync each.
 ///
 /// # Errors
-/// Where it cannot be read, or a file not be written.
+/// Fails if it cannot be read, or a file not be written.
 pub fn settle(folder: &Path) -> io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
@@ -236,7 +236,7 @@ pub fn sweep(folder: &Path) {
             continue;
         }
         let is_left = || system == self::system() || is_old(&path);
-        // What cannot be removed does no harm; links and devices are nothing that was made here.
+        // Files that cannot be removed do no harm; links and devices were not made here.
         let _ = match entry.file_type() {
             Ok(kind) if kind.is_file() && is_left() => std::fs::remove_file(path),
             Ok(kind) if kind.is_dir() && is_left() => std::fs::remove_dir_all(path),
@@ -344,14 +344,14 @@ mod tests {
             part.write_all(text.as_bytes()).expect("written");
             part.keep().expect("renamed");
             assert_eq!(std::fs::read_to_string(&there).expect("there"), text);
-            // The second time it leads to what is not there yet.
+            // The second time it leads to a file that does not exist yet.
             std::fs::remove_file(&there).expect("there");
         }
         assert!(link.is_symlink() && other.is_symlink());
         assert_eq!(std::fs::read_dir(&folder).expect("readable").count(), 1, "nothing else stays");
     }
 
-    /// In a folder of results nobody's link leads what is written elsewhere.
+    /// In a folder of results no link redirects a write.
     #[cfg(unix)]
     #[test]
     fn a_link_among_results_is_replaced_and_not_followed() {

@@ -15,14 +15,14 @@ impl Language {
     pub(crate) fn ending(self) -> &'static str {
         if matches!(self, Self::C) { "c" } else { "cpp" }
     }
-    /// The compiler and its standard, where it is installed.
+    /// The compiler and its standard, if it is installed.
     pub(crate) fn compiler(self) -> Result<[&'static str; 2], String> {
         let [name, standard] = if matches!(self, Self::C) { ["cc", "-std=c99"] } else { ["c++", "-std=c++17"] };
         program(name, "--version").map(|()| [name, standard])
     }
 }
 
-/// The flags of OpenCV, where it is installed with its header files.
+/// The flags of OpenCV, if it is installed with its header files.
 pub(crate) fn opencv() -> Result<Vec<&'static str>, String> {
     let found = Path::new("/usr/include/opencv4/opencv2/videoio.hpp").is_file();
     let flags = ["-isystem", "/usr/include/opencv4", "-lopencv_core", "-lopencv_videoio"];

@@ -174,7 +174,7 @@ fn targets(path: &Path, keys: BTreeMap<i64, KeyFrames>, frames: usize, about: &S
     Ok(targets)
 }
 
-/// The stretches between key frames, before the first and after the last; none where the target is out of the picture.
+/// The stretches between key frames, before the first and after the last; none while the target is out of the picture.
 fn stretches(keys: &KeyFrames, frames: usize) -> Vec<Stretch> {
     let mut stretches = vec![];
     let mut open: Option<(usize, Option<BBox>)> = Some((0, None));

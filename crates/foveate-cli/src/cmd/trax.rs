@@ -43,7 +43,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
         Session { blueprint, seed, several: args.objects, planes: None, objects: vec![], bytes: 0, pending: vec![] };
     let ended = session.serve(&mut BufReader::new(std::io::stdin().lock()), &mut output);
     if let Err(error) = &ended {
-        // If the client has closed the connection, nobody reads the message.
+        // If the client has closed the connection, there is no reader.
         let _ = send(&mut output, &message::format("quit", &[], &[("trax.reason", &error.to_string())]));
     }
     ended

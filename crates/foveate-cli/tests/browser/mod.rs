@@ -1,4 +1,4 @@
-//! A browser for tests, where one is installed: Chromium without a window, spoken to through two pipes (its DevTools protocol).
+//! A browser for tests, if one is installed: Chromium without a window, spoken to through two pipes (its DevTools protocol).
 #![allow(dead_code, missing_docs)] // each test takes what it needs
 
 use std::fs::File;

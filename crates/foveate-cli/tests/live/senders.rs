@@ -1,4 +1,4 @@
-//! Senders that come, send, and go; and pipes and raw files that are not what they should be.
+//! Senders that come, send, and go; and invalid pipes and raw files.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

@@ -63,7 +63,7 @@ impl Place {
     pub(crate) fn track(&self, out: &str, args: &[&str]) -> Output {
         self.run(&[&["track", "-c", "c.toml", "--no-video", "--no-report", "-o", out][..], args].concat())
     }
-    /// The same, where it must succeed; boxes.txt comes back.
+    /// The same for a run that must succeed; returns boxes.txt.
     pub(crate) fn boxes(&self, out: &str, args: &[&str]) -> Vec<u8> {
         let output = self.track(out, args);
         assert!(output.status.success(), "{}", errors(&output));

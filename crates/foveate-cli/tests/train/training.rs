@@ -36,7 +36,7 @@ pub(crate) fn fails(mut command: Command, words: &str) {
 }
 
 /// A training whose model is `whole.safetensors`; and one of `cut.safetensors` that is killed (-9) whenever one of these
-/// lines comes, or a little later, and then goes on to the same bits. Answers what the first and the last of these runs said.
+/// lines comes, or a little later, and then continues to the same bits. Returns the output of the first and the last of these runs.
 pub(crate) fn whole_and_cut(dir: &Path, train: &dyn Fn(&'static str) -> Command, lines: &[&str]) -> (String, String) {
     let whole = said(train("whole.safetensors"));
     assert!(!dir.join("whole.safetensors.checkpoint").exists(), "a finished training needs no checkpoint");

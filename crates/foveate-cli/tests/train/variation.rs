@@ -11,7 +11,7 @@ fn foveate(arguments: &[&str], dir: &Path) -> Command {
     command
 }
 
-/// What is learned of drawn sequences is the same for any number of threads, and a tracker takes it; what is none, and what was learned
+/// The covariance of drawn sequences is the same for any number of threads, and a tracker loads it; other files, and those learned
 /// of other features, it does not.
 #[test]
 fn it_is_learned_and_used() {

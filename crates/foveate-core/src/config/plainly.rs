@@ -13,7 +13,7 @@ const WORDS: [(&str, &str); 9] = [
     ("a sequence", "a list: [ ... ]"),
 ];
 
-/// The same error for people who do not know Rust.
+/// The same error without Rust's terms.
 pub(super) fn plainly(error: &str) -> String {
     const EXPECTED: &str = ", expected ";
     let Some((before, found)) = error.rsplit_once(EXPECTED) else { return error.into() };

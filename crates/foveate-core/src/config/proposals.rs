@@ -65,7 +65,7 @@ impl DetectorConfig {
     /// What detectors are made of, once a model that it needs is read from `files`.
     ///
     /// # Errors
-    /// Where its model cannot be read, is no detector, or needs a feature that this build is without.
+    /// Fails if its model cannot be read, is no detector, or needs a feature that this build is without.
     pub fn read(&self, files: &dyn Files) -> Result<DetectorParts> {
         self.read_with(files, &Parts::new())
     }

@@ -20,7 +20,7 @@ impl Blueprint {
         let (c, (n_v, n_h)) = (&self.config, self.encoder.shape());
         let (particles, features) = (c.particles as u64, (n_v + n_h) as u64);
         let state = std::mem::size_of::<State>() as u64;
-        // The rows of the first frame and a triangle of sums in 16 bits; where one looks, two whole ones and what they are mixed into.
+        // The rows of the first frame and a triangle of sums in 16 bits; in a look, two whole ones and their mixture.
         let row = n_h as u64 + 1;
         let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (Discriminant::FIRST_ROWS * row, row * (row + 1) / 2));
         // The short-term memory: a whole triangle.

@@ -44,7 +44,7 @@ pub struct Config {
     /// q(xₜ | xₜ₋₁, scene).
     #[serde(default, deserialize_with = "in_range")]
     pub proposal: ProposalConfig,
-    /// p(detections | xₜ), where they are taken to be the target's; left out, they do not weigh.
+    /// p(detections | xₜ), for detections of the target; without it they do not change the weights.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub detection_likelihood: Option<DetectionLikelihood>,
     /// Whether particles move with the camera, or with the flow where they are; left out, they do not.

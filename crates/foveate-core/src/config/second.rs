@@ -7,7 +7,7 @@ use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
 impl Config {
-    /// The second opinion that the configuration names; none where it names none.
+    /// The second opinion that the configuration names, if any.
     pub(super) fn second(&self, files: &dyn Files) -> Result<Option<Blueprint>> {
         let Some(named) = &self.second_opinion else { return Ok(None) };
         let wrong = |why: String| Error::Config(format!("second_opinion: {named}: {why}"));

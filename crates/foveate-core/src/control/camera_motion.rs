@@ -6,7 +6,7 @@
 //! ```
 //! pixels, and its velocity, kept as it is, means what moves beyond that: with `camera`, relative to the ground; with
 //! `local` = 1, whatever the flow missed. A `share` of the parents is moved, the others stay: the camera's motion may be
-//! mistaken, where one thing fills most of the picture, and the likelihood can tell.
+//! mistaken, if one object fills most of the picture, and the likelihood can decide.
 //!
 //! Deviation: the paper puts flow into the proposal q. Here it belongs to p, which then includes camera motion: p/q
 //! stays 1, and a jump of the picture is not a jump of the target.

@@ -135,7 +135,7 @@ impl Candidates {
         self.found.first().map(|found| (found.state, found.log_likelihood))
     }
     /// After [`Candidates::best`]: draws a share of `states`, every so many, again from the best places whose log-likelihood is at least `least`, each
-    /// from a stream of its own. `which` gets their indices, none where nothing fits, and `log_prior` the log p/q of these.
+    /// from a stream of its own. `which` gets their indices, none if nothing fits, and `log_prior` the log p/q of these.
     /// The state keeps its speed and angle, and takes size and shape of the place.
     pub(crate) fn draw(
         &mut self,

@@ -226,7 +226,7 @@ mod tests {
         assert_eq!(lost(&mut other), verdict);
     }
 
-    /// What the target gives from frame 2 on lies beyond what other places gave in frame 1: the deficit is at its maximum on the target, and
+    /// The target's evidence from frame 2 on lies beyond that of other places in frame 1: the deficit is at its maximum on the target, and
     /// is not informative. It is where only a few frames are so.
     #[test]
     fn an_inseparable_reference_is_not_informative() {

@@ -14,7 +14,7 @@
 //! where d was measured with the deviations `spread` and `size`. That is the proposal of the unscented particle filter (van der Merwe,
 //! Doucet, de Freitas & Wan 2000; section 5.1 of the paper): dynamics and measurement (centre and logarithm of size) are linear with normal
 //! noises here, so that the unscented transform is exact, and the Kalman filter. Where detections are precise beside the motion it is
-//! nearly the same; where they are not, its children lie between the parent's prediction and the detection.
+//! nearly the same; if they are not, its children lie between the parent's prediction and the detection.
 //!
 //! Only detections within `gate` of the predicted position count, with equal weight: scores of different detectors
 //! have no common unit, and the likelihood decides between them. A parent without detections uses p alone.

@@ -64,7 +64,7 @@ impl Redetection {
         let half = seen.half(extent);
         self.candidates.half = half;
         self.candidates.area = width * height / (half.0 * half.1);
-        // Whole numbers of steps: places of a lattice of some steps share what they are made of.
+        // Whole numbers of steps: places of a lattice of some steps share their cells.
         let (dx, dy) = (self.settings.step * half.0, self.settings.step * half.1);
         let count = |(i, j): (f64, f64)| width * height / (dx * i * dy * j);
         let least = (count((1.0, 1.0)) / MOST).sqrt().floor().max((1.0 / dx.min(dy)).ceil()).max(1.0);

@@ -46,7 +46,7 @@ impl Resampling {
     pub fn check(&self) -> Result<()> {
         within("resampling.below", self.below, 0.0, 1.0)
     }
-    /// Whether a belief of `n` particles with this effective sample size is to be resampled.
+    /// Whether to resample a belief of `n` particles with this effective sample size.
     pub fn is_due(&self, ess: f64, n: usize) -> bool {
         self.below >= 1.0 || ess < self.below * n as f64
     }

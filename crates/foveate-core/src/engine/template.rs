@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(it.visibility.fraction(), 1.0);
     }
 
-    /// A new template resets what was learned with the old one, and the evidence under it. Policy, class and visible fraction are the
+    /// A new template resets the appearance learned with the old one, and the evidence under it. Policy, class and visible fraction are the
     /// target's own.
     #[test]
     fn a_new_template_resets_the_evidence_under_the_old_one() {

@@ -89,7 +89,7 @@ mod tests {
         let n = prior.values.len() as f64;
         assert!(prior.values.iter().sum::<f64>().abs() < 1e-9);
         assert!((prior.values.iter().map(|v| v * v).sum::<f64>() - n).abs() < 1e-9);
-        // A plane is interpolated exactly: by its slope from the centre, where it is 0.
+        // A plane is interpolated exactly, by its slope from the centre, where it is 0.
         let slope = prior.at(0.5, 0.5, 0.0) / 0.5;
         for (u, v) in [(0.13, -0.4), (-0.5, 0.5), (0.499, 0.01)] {
             assert!((prior.at(0.5, u, v) - slope * (u - 0.5 * v)).abs() < 1e-9, "at {u}, {v}");

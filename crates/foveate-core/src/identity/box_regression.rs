@@ -83,7 +83,7 @@ impl Settings {
     /// The network.
     ///
     /// # Errors
-    /// Where the file cannot be read, or is none of `bench/train_box_regression.py`.
+    /// Fails if the file cannot be read, or is none of `bench/train_box_regression.py`.
     pub fn read(&self, files: &dyn Files) -> Result<Network> {
         let path = Path::new(&self.weights);
         match self.weights.strip_prefix("builtin:") {

@@ -24,7 +24,7 @@ const LONGEST: usize = 200;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct About {
-    /// Where it comes from.
+    /// Its origin.
     pub metadata: Metadata,
     /// The first layer of its input features, as JSON. Not used here.
     pub first_layer: String,

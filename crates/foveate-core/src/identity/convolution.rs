@@ -51,7 +51,7 @@ struct Place {
 impl Patches {
     /// Of `side` × `side` pixels, on the images of a retina with these cells, pooled over `pool` × `pool` cells an image.
     ///
-    /// Fails where an image is too small for that, or the retina leaves a part of an image unseen.
+    /// Fails if an image is too small for that, or the retina leaves a part of an image unseen.
     pub fn new(cells: &[Cell], side: usize, pool: usize) -> Result<Self> {
         let mut it =
             Self { n_v: cells.len(), taps: vec![], ends: vec![], side, places: vec![], images: vec![], cells: 0 };
@@ -182,7 +182,7 @@ impl ConvolutionEncoder {
     /// Encodes with these filters the glimpses of a retina with these cells; each channel of a glimpse is standardised first,
     /// as in their training. A filter counts for what its product with a patch is above `threshold`.
     ///
-    /// Fails where a ring is too small for the patches, or the threshold is not a number.
+    /// Fails if a ring is too small for the patches, or the threshold is not a number.
     pub fn new(model: &PatchFilters, cells: &[Cell], pool: usize, threshold: f32) -> Result<Self> {
         let (n_p, n_x, k) = model.shape();
         let side = n_p.isqrt();

@@ -59,7 +59,7 @@ use foveate_base::{Error, Result};
 /// A stored look: the glimpse and its features.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Percept {
-    /// Where it looked.
+    /// Its gaze.
     pub gaze: Gaze,
     /// vₜ: the values of the retina's cells, 0 to 1, as the retina lists them.
     pub glimpse: Vec<f32>,
@@ -211,6 +211,6 @@ pub trait Recognizer: Send + Sync {
     fn reset(&mut self);
     /// The looks it remembers.
     fn save(&self) -> SavedState;
-    /// Takes up what `save` gave. Fails where it does not fit.
+    /// Restores a state of `save`. Fails if it does not fit.
     fn load(&mut self, saved: &SavedState) -> Result<()>;
 }

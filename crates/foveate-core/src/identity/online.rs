@@ -1,7 +1,7 @@
 //! Trains the first layer while tracking (section 7, future work): settings, and the machine with its encoder.
 //!
 //! Rows are looks at the target: nine in the newest frame, at the estimate and about it, and the same nine in the first frame, so that
-//! what the template shows is not forgotten. Eight looks at places beside the target are what several particles are compared by.
+//! the template stays represented. Several particles are compared by eight looks at places beside the target.
 
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -5,7 +5,7 @@
 //! ```text
 //! gradients    n × n × 8   square roots of each block's sums of gradient in eight directions (Dalal & Triggs, 2005)
 //! grey         2n × 2n     sums of 2 × 2 cells
-//! colour                   the opponent cells, less what is neither
+//! colour                   the opponent cells, less the value of grey
 //! ```
 //! A part with weight 0 is omitted. The mean is subtracted from all parts but colour, and each part is scaled to the
 //! root of its weight, so that the cosine of two feature vectors is the weighted mean of the cosines of their parts.

@@ -358,7 +358,7 @@ fn make_channel(picture: Picture<'_>, channel: usize, region: Region, out: &mut 
 mod tests {
     use super::*;
 
-    /// Levels made of a coarser picture, against means over boxes of the image: where a box is whole coarse pixels, what is read
+    /// Levels made of a coarser picture, against means over boxes of the image: where a box is whole coarse pixels, the value
     /// in its middle is its mean, up to the rounding of bytes; wherever the region begins, and past the image's border. Of squares
     /// of 4 × 4 pixels the first and the third row count.
     #[test]

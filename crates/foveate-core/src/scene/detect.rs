@@ -60,7 +60,7 @@ impl Detection {
 pub trait Detector: Send + Sync {
     /// Looks at the next frame.
     fn detect(&mut self, image: &Image, found: &mut Vec<Detection>);
-    /// What the candidates of the last frame were drawn from: values of 0 or more over the whole frame. Empty before the
+    /// The map from which the candidates of the last frame were drawn: values of 0 or more over the whole frame. Empty before the
     /// first frame.
     fn map(&self) -> &Map;
 }

@@ -52,7 +52,7 @@ pub trait Regions: Sync {
     /// times planes, or more if the source cannot do better.
     ///
     /// # Errors
-    /// Where the source cannot be read.
+    /// Fails if the source cannot be read.
     fn read(&self, window: Window, out: &mut [u8]) -> Result<usize>;
     /// The whole picture, if it is in memory: a configuration without `[sensor]` needs it.
     fn whole(&self) -> Option<&Image> {
@@ -131,7 +131,7 @@ impl SensorSettings {
 pub struct Sensor {
     settings: SensorSettings,
     seen: Image,
-    /// Where it was painted since it was last wiped.
+    /// The areas painted since the last reset.
     painted: Vec<Window>,
     bytes: Vec<u8>,
     /// Two rows of bins, drawn out to pixels.
@@ -158,7 +158,7 @@ impl Sensor {
     /// Begins a frame: clears the last one and reads the overview.
     ///
     /// # Errors
-    /// Where the source cannot be read.
+    /// Fails if the source cannot be read.
     pub fn begin(&mut self, source: &dyn Regions) -> Result<()> {
         let [width, height, planes] = source.shape();
         self.values = 0;
@@ -185,7 +185,7 @@ impl Sensor {
     /// their area at that resolution.
     ///
     /// # Errors
-    /// Where the source cannot be read.
+    /// Fails if the source cannot be read.
     pub fn look(&mut self, source: &dyn Regions, at: &State, extent: Extent, gazes: &[Gaze]) -> Result<()> {
         for k in 0..self.settings.windows.len() {
             self.patch(source, at, extent, Gaze::CENTRE, self.settings.windows[k])?;
@@ -206,7 +206,7 @@ impl Sensor {
     /// The first look at a target, in the frame it was given in: the widest window, and as sharp as the sharpest.
     ///
     /// # Errors
-    /// Where the source cannot be read.
+    /// Fails if the source cannot be read.
     pub fn imprint(&mut self, source: &dyn Regions, at: &State, extent: Extent) -> Result<()> {
         let (reach, finest) = self
             .settings

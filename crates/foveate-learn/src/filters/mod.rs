@@ -99,7 +99,7 @@ impl PatchFilters {
     }
 }
 
-/// Patches, each less its mean and divided by √(variance + softening), where there is a softening.
+/// Patches, each less its mean and divided by √(variance + softening), if there is a softening.
 fn normalised(patches: Rows<'_>, softening: Option<f32>) -> Vec<f32> {
     let (mut all, n) = (patches.data().to_vec(), patches.width() as f32);
     for patch in all.chunks_exact_mut(patches.width()) {

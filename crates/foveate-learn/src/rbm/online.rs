@@ -26,7 +26,7 @@ pub struct Settings {
     pub particles: usize,
     /// Step along the mean gradient of the rows.
     pub learning_rate: f32,
-    /// Standard deviation of the noise on each hidden unit's bias in a step, where there are several particles.
+    /// Standard deviation of the noise on each hidden unit's bias in a step, for several particles.
     pub noise: f32,
 }
 
@@ -58,7 +58,7 @@ impl OnlineRbm {
         Self { settings, streams, steps: 0, particles }
     }
 
-    /// Goes on from particles that were kept, after so many steps. Fails where they are not as many, or not of the shape, of
+    /// Continues from stored particles, after so many steps. Fails if they are not as many, or not of the shape, of
     /// those it has, or a weight is not finite; then nothing has changed.
     pub fn resume(&mut self, steps: u64, particles: Vec<Particle>) -> Result<()> {
         let first = &self.particles[0].rbm;
@@ -229,7 +229,7 @@ mod tests {
         it
     }
 
-    /// Free energy of what it learned falls against that of what it did not, by either way; to the bit for one seed.
+    /// The free energy of learned rows falls against that of other rows, with either method; bit for bit for one seed.
     #[test]
     fn it_learns_what_it_is_shown() {
         let (mut rng, frozen) = (Streams::new(6, 0).rng(1), machine(3));
@@ -267,7 +267,7 @@ mod tests {
         assert_ne!(it.mean(), rbm);
     }
 
-    /// The best particle survives, and those that were kept go on as the others do.
+    /// The best particle survives, and restored particles continue as the others do.
     #[test]
     fn particles_are_resampled_and_resumed() {
         let mut it = learned(6, 1);

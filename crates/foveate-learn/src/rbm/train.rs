@@ -2,7 +2,7 @@
 //!
 //! The gradient of log p(v) is ⟨v hᵀ⟩ under the data minus ⟨v hᵀ⟩ under the model. The second is estimated by k steps of
 //! Gibbs sampling, from the data (CD-k, Hinton 2002) or from chains that are never restarted (SML, or PCD: Younes 1989,
-//! Tieleman 2008; what the authors used). Both phases are one matrix product, h of the second counted negatively.
+//! Tieleman 2008; as the authors do). Both phases are one matrix product, h of the second counted negatively.
 //!
 //! Every row of every batch has its own random stream, and products do not depend on how rows are grouped: the same
 //! seed gives the same bits for any number of threads, and after any interruption (see [`Training`]).

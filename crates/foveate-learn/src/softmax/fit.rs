@@ -64,7 +64,7 @@ pub struct Solution {
 /// Minimises the mean of −log p(y | x), each row by its weight, + λ/2 ‖W‖².
 ///
 /// # Errors
-/// Where the examples do not fit ([`Examples::check`]), and [`Error::Stopped`] after `stop` returned true; it is called for every 256
+/// Fails if the examples do not fit ([`Examples::check`]), and [`Error::Stopped`] after `stop` returned true; it is called for every 256
 /// rows.
 pub fn solve<T: Copy + Into<f64>>(examples: Examples<'_, T>, fit: Fit, stop: Stop<'_>) -> Result<Solution> {
     examples.check()?;

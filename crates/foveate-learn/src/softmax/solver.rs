@@ -13,7 +13,7 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// (Lewis & Overton 2013). Returns the steps it took, and whether it converged: no part of the gradient is above `tolerance`, or
 /// rounding lets no step go further down.
 ///
-/// Fails where the objective fails.
+/// Fails if the objective fails.
 pub(super) fn minimize(objective: Objective<'_>, x: &mut [f64], steps: usize, tolerance: f64) -> Result<(usize, bool)> {
     const PAIRS: usize = 10;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

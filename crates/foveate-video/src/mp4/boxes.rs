@@ -45,7 +45,7 @@ pub(super) fn path<'a>(body: &'a [u8], names: &[&[u8; 4]]) -> Option<&'a [u8]> {
     names.iter().try_fold(body, |body, name| child(body, name))
 }
 
-/// Flags, and what comes after them.
+/// Flags, and the data after them.
 pub(super) fn full(body: &[u8]) -> Option<(u32, Cursor<'_>)> {
     let mut c = Cursor(body);
     Some((c.u32()? & 0xff_ffff, c))

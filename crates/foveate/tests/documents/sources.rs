@@ -31,7 +31,7 @@ pub(crate) struct Variant {
     /// As a configuration has it.
     pub name: String,
     pub docs: String,
-    /// The type that it stands for, where it holds one.
+    /// The type that it holds, if any.
     pub holds: Option<String>,
     pub fields: Vec<Field>,
 }

@@ -141,7 +141,7 @@ fn particles_follow_the_shape_of_the_target() {
     assert!(kept.abs() < 1e-12);
 }
 
-/// Told by the box regression alone that the target is not there, the tracker learns nothing, calls it occluded, and forgets what it
+/// If the box regression alone reports that the target is absent, the tracker learns nothing, reports occluded, and resets the appearance it
 /// learned before, which may have been something else.
 #[test]
 fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {

@@ -120,7 +120,7 @@ fn a_finished_run_stays_where_a_new_one_lost_a_file() {
         let lost = results.with_final_path(&Error::Invalid(lost));
         results.keep(Ended::Error, 1, Err(lost)).expect_err("a film that was lost").to_string()
     };
-    // Where nothing or no finished run is, the other files are kept.
+    // Without a finished run, the other files are kept.
     for _ in 0..2 {
         let error = with_loss();
         assert_eq!(error, format!("{}: no space", out.join("film.mp4").display()));

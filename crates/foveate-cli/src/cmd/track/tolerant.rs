@@ -1,5 +1,5 @@
 //! Fault-tolerant outputs: if a file cannot be written (a full disk, a film too large for its format), only that file is missing, and the
-//! run goes on.
+//! run continues.
 
 use std::cell::RefCell;
 use std::rc::Rc;

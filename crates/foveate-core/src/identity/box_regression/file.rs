@@ -56,10 +56,10 @@ struct File {
     layers: Vec<Written>,
 }
 
-/// The layers of a file, which are to be of these shapes.
+/// The layers of a file, which must have these shapes.
 ///
 /// # Errors
-/// Where it is none of `bench/train_box_regression.py`, or damaged.
+/// Fails if it is not a file of `bench/train_box_regression.py`, or damaged.
 pub(super) fn read(bytes: &[u8], path: &Path, shapes: &[Shape]) -> Result<Vec<Filters>> {
     let wrong = |problem: String| {
         Error::malformed(path, format!("{problem}; expected a file of `bench/train_box_regression.py`"))

@@ -127,7 +127,7 @@ impl Network {
     /// From the content of a file.
     ///
     /// # Errors
-    /// Where it is none of `bench/train_box_regression.py`, or damaged.
+    /// Fails if it is not a file of `bench/train_box_regression.py`, or damaged.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         file::read(bytes, path, &LAYERS).map(Self::of)
     }

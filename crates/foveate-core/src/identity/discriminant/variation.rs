@@ -56,7 +56,7 @@ impl Variation {
     /// The covariance, if it counts.
     ///
     /// # Errors
-    /// Where the file cannot be read, or is none of `foveate train variation`.
+    /// Fails if the file cannot be read, or is none of `foveate train variation`.
     pub fn read(&self, files: &dyn Files) -> Result<Option<Covariance>> {
         match self.covariance.strip_prefix("builtin:") {
             _ if self.weight == 0.0 => Ok(None),
@@ -133,7 +133,7 @@ impl Covariance {
     /// From the content of a file.
     ///
     /// # Errors
-    /// Where it is none of `foveate train variation`, or damaged.
+    /// Fails if it is not a file of `foveate train variation`, or damaged.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
         let wrong = |problem: String| {
             Error::malformed(path, format!("{problem}; expected a file of `foveate train variation`"))

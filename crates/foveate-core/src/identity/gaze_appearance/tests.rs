@@ -60,8 +60,8 @@ fn a_distance_depends_on_its_state_alone() {
     }
 }
 
-/// In shape and colour, but for the last bits of places: what is seen of states all over a picture, in rectangles of their own,
-/// is what is seen of each alone; what more states need is added, and what is between stays out.
+/// In shape and colour, except the last bits of places: the looks at states all over a picture, in rectangles of their own,
+/// equal the looks at each alone; rectangles of more states are added, and the space between stays out.
 #[test]
 fn scattered_states_are_seen_as_each_alone() {
     let mut rng = Streams::new(3, 0).rng(5);

@@ -34,7 +34,7 @@ impl OnnxEncoder {
     /// For this retina. `mean` is taken off the values, which are then divided by `std`: none, one number, or one a plane.
     ///
     /// # Errors
-    /// Where the network does not fit the retina, cannot be run, takes too much memory, or makes of some glimpses what is not
+    /// Fails if the network does not fit the retina, cannot be run, takes too much memory, or returns features that are not
     /// finite or depends on other glimpses.
     pub(crate) fn new(graph: &Graph, retina: &Foveal, planes: Planes, mean: &[f32], std: &[f32]) -> Result<Self> {
         let n = retina.glimpse_len();

@@ -32,7 +32,7 @@ foveate_base::opaque_debug!(ObjectDetector);
 
 impl ObjectDetector {
     /// # Errors
-    /// Where the network does not take one picture, gives no boxes, has no such class, cannot be run, or takes too much memory.
+    /// Fails if the network does not take one picture, gives no boxes, has no such class, cannot be run, or takes too much memory.
     pub(crate) fn new(graph: &Graph, settings: &Settings) -> Result<Self> {
         settings.check()?;
         let found = graph.sides();

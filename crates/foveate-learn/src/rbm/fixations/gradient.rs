@@ -203,7 +203,7 @@ pub(super) fn gradient(
     let (later, now) = scratch.split_at_mut(d);
     for i in (0..n).rev() {
         let m = if sequential { i } else { i / window };
-        // What the term of fixation i moves: its own row, and (sequential) all later rows of its sequence.
+        // The term of fixation i moves its own row and (sequential) all later rows of its sequence.
         if !sequential || i % window == window - 1 {
             later.fill(0.0);
         }

@@ -11,7 +11,7 @@ use std::path::Path;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct About {
-    /// Where it comes from.
+    /// Its origin.
     pub metadata: Metadata,
     /// The first layer of its input features, as JSON; empty if it reads glimpses directly. Not used here.
     pub first_layer: String,

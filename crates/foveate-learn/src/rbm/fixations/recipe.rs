@@ -4,7 +4,7 @@ use super::Places;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// What is made small.
+/// The objective to minimise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Cost {
@@ -43,7 +43,7 @@ pub struct Recipe {
     pub window: usize,
     /// Where fixations fall.
     pub places: Places,
-    /// What is made small.
+    /// The objective to minimise.
     pub cost: Cost,
     /// α, at least 0; of no effect on [`Cost::Generative`].
     pub alpha: f32,
