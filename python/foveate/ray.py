@@ -203,7 +203,7 @@ def run_parts(
     for error in sorted(set(failures.values())):
         print(f"part {', '.join(name for name in names if failures.get(name) == error)}: {error}", file=sys.stderr)
     if failures:
-        print(f"{len(failures)} of {counted(count, 'part')} failed; the same command goes on from there", file=sys.stderr)
+        print(f"{len(failures)} of {counted(count, 'part')} failed; the same command continues from there", file=sys.stderr)
         return 1
     print(f"{counted(count, 'part')} in {time.monotonic() - began:.1f} s", file=sys.stderr)
     sys.stdout.flush()

@@ -68,9 +68,7 @@ impl PyPolicy {
         let learn = || {
             let Working { policy, plan, waiting, .. } = &mut *lock(&self.working);
             if !*waiting {
-                return Err(Error::Invalid(
-                    "tell is about what ask answered: call ask first, once for each tell".into(),
-                ));
+                return Err(Error::Invalid("call ask once before each tell".into()));
             }
             if rewards.len() != plan.gazes().len() {
                 let (expected, found) = (plan.gazes().len(), rewards.len());

@@ -48,7 +48,7 @@ pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
     let path = path.as_ref();
     let found = std::fs::metadata(path).map_err(Error::io(path, "cannot read"))?;
     if !found.is_file() {
-        return Err(Error::malformed(path, "not a regular file; copy what it gives into one"));
+        return Err(Error::malformed(path, "not a regular file; copy its content into one"));
     }
     let too_large = |size: u64| {
         Error::malformed(path, format!("it has {size} bytes, more than the {most} that such a file may have"))

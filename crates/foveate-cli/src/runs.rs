@@ -77,7 +77,7 @@ pub fn part_is_done(out: &Path) {
 
 /// Returns the error of a stopped command; finished runs are kept in `kept`.
 pub fn stopped(kept: &Path) -> Error {
-    Error::Invalid(format!("stopped; the same command goes on with {}", kept.display()))
+    Error::Invalid(format!("stopped; the same command continues with {}", kept.display()))
 }
 
 /// Returns a digest of these digits.
@@ -116,7 +116,9 @@ impl Store {
         match others.iter().find(|folder| !folder.is_dir()) {
             Some(absent) => {
                 let absent = absent.display();
-                Err(Error::Invalid(format!("{absent}: no finished runs here; --merge takes what was given as --out")))
+                Err(Error::Invalid(format!(
+                    "{absent}: no finished runs here; --merge takes a folder that was given as --out"
+                )))
             }
             None => Ok(Self { others, shard, ..Self::of(out) }),
         }

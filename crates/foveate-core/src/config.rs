@@ -150,8 +150,7 @@ impl Config {
         }
         if self.short_term.is_some() && self.discriminant.is_none() {
             return Err(Error::Config(
-                "short_term: it is the discriminant that learns for now; add [discriminant], or leave [short_term] out"
-                    .into(),
+                "short_term: this is a second discriminant; add [discriminant], or leave [short_term] out".into(),
             ));
         }
         if self.variation.is_some() && self.discriminant.is_none() {

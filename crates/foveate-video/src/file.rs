@@ -103,7 +103,7 @@ impl VideoFile {
     /// Decodes the first frame.
     fn begun(mut self) -> Result<Self> {
         let video = &mut self;
-        let none = "expected frames, found none that is to be shown; check the file with another player";
+        let none = "expected frames, found none to show; check the file with another player";
         let (image, time) = video.picture().unwrap_or_else(|| Err(Error::malformed(&video.path, none)))?;
         let (frames, rate, reader) = match &video.reader {
             Some(Reader::Mp4(mp4)) => (Some(mp4.frames()), mp4.rate(), mp4.decoder()),

@@ -80,7 +80,7 @@ pub(super) fn read(file: &mut (impl Read + Seek), len: u64) -> Decoded<Movie> {
         }
         if size < skip {
             return Err(DecodeError::damaged(format!(
-                "box {shown:?} at byte {at} says it is {size} bytes long, less than its head"
+                "box {shown:?} at byte {at} has a length of {size} bytes, less than its head"
             )));
         }
         let whole = at.checked_add(size).is_some_and(|end| end <= len);
@@ -260,7 +260,7 @@ fn sample_table(stbl: &[u8], len: u64) -> Decoded<(Vec<Sample>, Option<String>)>
     }
     let placed = samples.len();
     let misplaced =
-        (placed < count as usize).then(|| format!("the index counts {count} frames and says where {placed} are"));
+        (placed < count as usize).then(|| format!("the index counts {count} frames and has the places of {placed}"));
     Ok((samples, misplaced))
 }
 

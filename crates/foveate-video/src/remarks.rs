@@ -57,7 +57,7 @@ impl Remarks {
         }
         if found.untimed > 0 {
             all.push(format!(
-                "The time stamps do not rise in {} of the frames, first in frame {}: there the time goes on at the frame rate.",
+                "The time stamps do not rise in {} of the frames, first in frame {}: there the time continues at the frame rate.",
                 found.untimed, found.first_untimed
             ));
         }

@@ -108,7 +108,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
         note!("{} of {}: {}", i + 1, experiments.len(), experiment.title);
         let content = content(experiment, &setup)?;
         if terminal::stopping() {
-            say!("stopped at {}; the same command goes on from there", experiment.name);
+            say!("stopped at {}; the same command continues from there", experiment.name);
             std::process::exit(terminal::stop_status());
         }
         let Some(mut content) = content else {

@@ -151,7 +151,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     if summary.tracked == 0 {
         let out = args.out.display();
         return Err(Error::Invalid(format!(
-            "stopped before the second frame: nothing was tracked; {out} was left as it was"
+            "stopped before the second frame: nothing was tracked; {out} is unchanged"
         )));
     }
     let ended = if summary.stopped { Ended::Stopped } else { Ended::Finished };
@@ -175,10 +175,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let tracking = summary.fps(summary.spent.as_secs_f64());
     let whole = summary.fps(began.elapsed().as_secs_f64());
     say!("{} a second in the tracker, {whole:.0} end to end.", counted(tracking.round() as usize, "frame"));
-    say!(
-        "See what it saw, frame by frame: {}; all side by side: annotated.mp4",
-        args.out.join("report.html").display()
-    );
+    say!("Frame by frame: {}; all side by side: annotated.mp4", args.out.join("report.html").display());
     if summary.stopped {
         std::process::exit(terminal::stop_status());
     }

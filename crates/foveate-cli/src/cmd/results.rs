@@ -164,7 +164,7 @@ impl Results {
             let rescue = self.part.with_file_name(rescued(self.out.file_name().unwrap_or_default()));
             let at = if files::rename(&self.part, &rescue).is_ok() { &rescue } else { &self.part };
             return Err(Error::Invalid(format!(
-                "{error}; {} was left as it was, what was written of this run lies in {}",
+                "{error}; {} is unchanged, the files of this run are in {}",
                 self.asked.display(),
                 at.display()
             )));

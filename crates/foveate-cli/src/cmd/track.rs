@@ -192,7 +192,7 @@ const FULL: &str =
 /// Reports a run in which nothing was tracked, and ends the program after a stop request.
 fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result<()> {
     if !tracked {
-        note!("foveate: nothing was tracked; {} was left as it was", out.display());
+        note!("foveate: nothing was tracked; {} is unchanged", out.display());
     }
     result?;
     if stopped {

@@ -473,7 +473,7 @@ fn runs_of_other_settings_are_refused() {
     };
     let part = ["--shard", "1/2", "--set", "particles=50"];
     assert!(run("part", &part).status.success());
-    assert!(run("part", &part).status.success(), "the same command goes on");
+    assert!(run("part", &part).status.success(), "the same command continues");
     let first = path("part");
     for (out, args) in [
         ("part", &["--set", "particles=60"][..]),
@@ -516,7 +516,7 @@ fn a_stopped_evaluation_goes_on() {
     let ended = child.wait_with_output().expect("a child");
     let message = String::from_utf8_lossy(&ended.stderr).into_owned();
     assert_eq!(ended.status.code(), Some(143), "{message}");
-    assert!(message.contains("the same command goes on"), "{message}");
+    assert!(message.contains("the same command continues"), "{message}");
     let kept = runs();
     assert!((2..8).contains(&kept) && !dir.path().join("stopped/scores.json").exists(), "{kept} runs are kept");
     let on = foveate(&args);

@@ -110,7 +110,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
     );
     let other = place.failure(&["video", "--load-state", "s.json", "--set", "particles=50"]);
     assert!(other.contains("s.json: ") && other.contains("particles is 60 in the state and 50"), "{other}");
-    assert!(place.failure(&["video", "--load-state", "s.json", "--until", "3"]).contains("goes on at frame 5"));
+    assert!(place.failure(&["video", "--load-state", "s.json", "--until", "3"]).contains("continues at frame 5"));
 }
 
 #[test]

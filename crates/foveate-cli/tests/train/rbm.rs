@@ -55,7 +55,7 @@ fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
     let mut rest = String::new();
     out.read_to_string(&mut rest).expect("text");
     assert_eq!(child.wait().expect("it ends").code(), Some(130));
-    assert!(rest.contains("the same command goes on from there"), "{rest}");
+    assert!(rest.contains("the same command continues from there"), "{rest}");
     assert!(dir.path().join("m.safetensors.checkpoint").exists() && !dir.path().join("m.safetensors").exists());
     // With another recipe it refuses to resume and gives the reason; --restart begins anew.
     fails(command(dir.path(), "m.safetensors", &["training.epochs=2", "training.rate=0.3"]), "it was begun as");

@@ -70,7 +70,7 @@ impl RecogniserConfig {
             }
         };
         let unclear = |what: &str, e: serde_json::Error| {
-            let problem = format!("it does not say what {what} it was trained with ({e}); train it again");
+            let problem = format!("it has no {what} of its training ({e}); train it again");
             Error::malformed(Path::new(weights), problem)
         };
         let config: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| unclear("retina", e))?;

@@ -120,7 +120,7 @@ fn sentence(a: &Against) -> String {
 fn legend(groups: &[Group]) -> Option<&'static str> {
     let halves = groups.iter().any(|g| g.name.starts_with("half "));
     halves.then_some(
-        "Halves: what is chosen or trained on one half is judged on the other. Mean of kinds: kinds with equal weight.",
+        "Halves: settings and models of one half are evaluated on the other. Mean of kinds: kinds with equal weight.",
     )
 }
 
@@ -199,7 +199,7 @@ mod tests {
         let (rows, text) = names(&["my street", "my dog"]);
         assert!(rows == ["aspect stays"] && !text.contains("half"), "{rows:?} {text}");
         let (rows, text) = names(&["Biker", "Bolt2"]);
-        assert!(rows.contains(&"half b".into()) && text.contains("Halves: what is chosen"), "{text}");
+        assert!(rows.contains(&"half b".into()) && text.contains("Halves: settings"), "{text}");
     }
 
     #[test]

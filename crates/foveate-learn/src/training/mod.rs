@@ -89,7 +89,7 @@ pub trait Training: Sized {
     /// The checkpoint is of another recipe (the number of epochs apart, see [`Training::EXTENDS`]) or of other data, or
     /// the file is damaged.
     fn resume(path: &Path, recipe: Self::Recipe, first: Self::Data<'_>, data: &str) -> Result<Self> {
-        let no = |problem: String| Error::malformed(path, format!("cannot go on from this checkpoint: {problem}"));
+        let no = |problem: String| Error::malformed(path, format!("cannot continue from this checkpoint: {problem}"));
         let (found, mut tensors, sealed) = unpack::<Progress>(&read(path)?, Self::CHECKPOINT).map_err(no)?;
         sealed.map_err(no)?;
         let asked = settings::<Self>(&recipe);

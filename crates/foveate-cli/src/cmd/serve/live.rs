@@ -38,7 +38,9 @@ pub(super) fn open(address: &Path) -> Result<(Source<Open>, SourceInfo)> {
             }
             None if Instant::now() > deadline => {
                 let seconds = PATIENCE.as_secs();
-                Err(Error::Invalid(format!("no frame came for {seconds} s; check the source, and press play to go on")))
+                Err(Error::Invalid(format!(
+                    "no frame came for {seconds} s; check the source, and press play to continue"
+                )))
             }
             None => Ok(()),
         }

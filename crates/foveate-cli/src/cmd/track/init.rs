@@ -114,7 +114,7 @@ pub(crate) struct Frames {
 
 impl Frames {
     /// Creates the range from frame `from` (counted from 0) until frame `until` (counted from 1). `start` gives the reason for the first
-    /// frame in errors, as in "the saved state goes on".
+    /// frame in errors, as in "the saved state continues".
     pub(crate) fn new(from: usize, start: &str, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
         let until = until.map_or(usize::MAX, |until| usize::try_from(until).unwrap_or(usize::MAX) - 1);
         let count = info.exact_frames();

@@ -204,12 +204,12 @@ fn begin(
     let (frames, init) = match &args.load_state {
         Some(path) => {
             let saved = SavedState::read(path)?;
-            let frames = frames(saved.next_frame, "the saved state goes on")?;
+            let frames = frames(saved.next_frame, "the saved state continues")?;
             tracker.load(&saved.tracker).map_err(of_file(path))?;
             saved.check_size(path, about)?;
             let (then, now) = (&saved.source, video_name(source));
             if *then != now {
-                note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
+                note!("foveate: the state was saved in {then:?}, and continues in {now:?}: is it the same video?");
             }
             (frames, None)
         }

@@ -71,7 +71,7 @@ impl SavedState {
             .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))?;
         if saved.next_frame > MOST_FRAMES {
             let problem =
-                format!("it goes on after {} frames, more than a video has; write it again", saved.next_frame);
+                format!("it continues after {} frames, more than a video has; write it again", saved.next_frame);
             return Err(Error::malformed(path, problem));
         }
         Ok(saved)

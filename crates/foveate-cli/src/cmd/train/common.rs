@@ -235,7 +235,7 @@ impl<'a> Files<'a> {
             }
             if stop {
                 bar.finish_and_clear();
-                say!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
+                say!("stopped in epoch {}, after batch {batch}; the same command continues from there", epoch + 1);
                 std::process::exit(terminal::stop_status());
             }
         }

@@ -22,10 +22,10 @@ impl Reading {
         match layout {
             Layout::Auto if a < b => Self::new(Layout::Yolov8, output),
             Layout::Auto if b == 6 => Err(
-                "that may be yolov5 of one class or end-to-end: say which by detector.layout (of --detect: --layout)",
+                "that may be yolov5 of one class or end-to-end: choose with detector.layout (of --detect: --layout)",
             ),
             Layout::Auto if a > b => Self::new(Layout::Yolov5, output),
-            Layout::Auto => Err("two equal sides: say by detector.layout (of --detect: --layout) which are the boxes"),
+            Layout::Auto => Err("two equal sides: name the layout with detector.layout (of --detect: --layout)"),
             Layout::Yolov8 => {
                 wanted(a >= 5, reading(layout, b, a), "expected (1, 4 + classes, boxes) of 1 class at least")
             }
