@@ -72,8 +72,9 @@ class Follower:
             pixels, channels = picture(message)
             if self.box is not None:
                 box, self.box = self.box, None
-                self._begin(pixels, channels, box)
+                self._begin(message.header, pixels, channels, box)
             elif self.tracker:
+                self.tracker.set_time(nanoseconds(message.header.stamp) / 1e9)
                 self.seen = self.tracker.update(pixels)
         except (ValueError, TypeError) as problem:
             self.error = str(problem)
@@ -98,8 +99,9 @@ class Follower:
             raise ValueError(f"none of the last {len(kept)} pictures has the stamp {stamp} ns; give the stamp of a picture, or 0")
         self.reset()
         header, pixels, channels = kept[at[-1]]
-        tracked = [Tracked(header, self._begin(pixels, channels, box))]
+        tracked = [Tracked(header, self._begin(header, pixels, channels, box))]
         for header, pixels, _ in kept[at[-1] + 1 :]:
+            self.tracker.set_time(nanoseconds(header.stamp) / 1e9)
             self.seen = self.tracker.update(pixels)
             tracked.append(Tracked(header, self.seen))
         return tracked
@@ -108,8 +110,9 @@ class Follower:
         """Stops following."""
         self.tracker = self.box = self.seen = None
 
-    def _begin(self, pixels: np.ndarray, channels: str, box: tuple[float, ...]) -> foveate.Result:
+    def _begin(self, header: Any, pixels: np.ndarray, channels: str, box: tuple[float, ...]) -> foveate.Result:
         tracker = foveate.Tracker(self.profile, seed=self.seed, channels=channels)
+        tracker.set_time(nanoseconds(header.stamp) / 1e9)
         self.seen = tracker.init(pixels, box)
         self.tracker = tracker
         return self.seen

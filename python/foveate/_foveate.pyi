@@ -237,6 +237,18 @@ class Tracker:
         foveate.InputError
             There is no result yet, also after :meth:`load`; or ``dt`` is out of range.
         """
+    def predict_at(self, seconds: float) -> Result:
+        """Predicts as :meth:`predict` does, for a time in seconds on the clock of :meth:`set_time`: that of the motor's action.
+
+        Raises
+        ------
+        foveate.InputError
+            Fewer than two pictures have a time, or it lies before the last picture.
+        """
+    def set_time(self, seconds: float) -> None:
+        """Sets the time of the next picture, seconds from any origin. If frames were dropped before it, the particles move for as many frames
+        more, 30 at most; at a constant rate nothing changes. :meth:`track` calls it for videos.
+        """
     def set_visibility(self, visible: float) -> None:
         """Sets the fraction of the target that the next pictures can show, 0 to 1, if something covers it; 1 by default."""
     def save(self) -> bytes:

@@ -33,6 +33,8 @@ def _results(
     video = images if isinstance(images, Video) else None
     with opened or contextlib.nullcontext(), _Progress(_length(images), shown) as progress:
         for at, image in enumerate(images):
+            if video is not None and video.time is not None:
+                tracker.set_time(video.time)
             seen = tracker.init(image, box) if at == 0 and box is not None else tracker.update(image)
             seen.image, seen.frame, seen.time = image, at, None
             if video is not None:

@@ -226,6 +226,24 @@ impl PyTracker {
         seen.into_result(py, self.0.making.channels.name)
     }
 
+    /// Predicts as :meth:`predict` does, for a time in seconds on the clock of :meth:`set_time`: that of the motor's action.
+    ///
+    /// Raises
+    /// ------
+    /// foveate.InputError
+    ///     Fewer than two pictures have a time, or it lies before the last picture.
+    fn predict_at(&self, py: Python<'_>, seconds: f64) -> PyResult<Py<PyAny>> {
+        let seen =
+            py.detach(|| self.0.working().tracker.predict_at(seconds).map(|seen| Seen::of(&seen))).or_raise(py)?;
+        seen.into_result(py, self.0.making.channels.name)
+    }
+
+    /// Sets the time of the next picture, seconds from any origin. If frames were dropped before it, the particles move for as many frames
+    /// more, 30 at most; at a constant rate nothing changes. :meth:`track` calls it for videos.
+    fn set_time(&self, py: Python<'_>, seconds: f64) {
+        py.detach(|| self.0.working().tracker.set_time(seconds));
+    }
+
     /// Sets the fraction of the target that the next pictures can show, 0 to 1, if something covers it; 1 by default.
     fn set_visibility(&self, py: Python<'_>, visible: f64) -> PyResult<()> {
         if !(0.0..=1.0).contains(&visible) {

@@ -368,6 +368,23 @@ def test_predictions_move_on_and_grow(pictures: Any) -> None:
     for wrong in (-1, float("nan")):
         with pytest.raises(foveate.InputError, match="frames"):
             tracker.predict(wrong)
+    with pytest.raises(foveate.InputError, match="set_time"):
+        tracker.predict_at(1.0)
+
+
+def test_dropped_frames_move_the_particles(pictures: Any) -> None:
+    def expected(timed: bool) -> float:
+        tracker = foveate.Tracker(config={"particles": 200, "dynamics.damping": 1})
+        for t in [*range(12), 17]:
+            if timed:
+                tracker.set_time(3 + t / 25)
+            seen = tracker.init(pictures[0], FIRST) if t == 0 else tracker.update(pictures[t])
+        if timed:
+            at, by = tracker.predict_at(3 + 19 / 25), tracker.predict(2)
+            assert abs(at.box.x - by.box.x) < 1e-6
+        return float(seen.particles[:, 0].mean())
+
+    assert 8 < expected(True) - expected(False) < 16, "four more frames of 3 px"
 
 
 def test_detections_of_others(pictures: Any) -> None:

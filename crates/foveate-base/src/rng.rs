@@ -72,6 +72,8 @@ pub enum Purpose {
     LocalSearch = 10,
     /// Where the particles start again at the place with the colours of the target.
     ColourSearch = 11,
+    /// Motion during dropped frames.
+    Dropped = 12,
 }
 
 /// A family of independent random streams with one name.

@@ -144,6 +144,11 @@ impl Ensemble {
         self.trackers_mut().for_each(|tracker| tracker.set_visibility(visible));
     }
 
+    /// Sets the number of frames that were dropped before the next one.
+    pub(crate) fn set_dropped(&mut self, frames: usize) {
+        self.trackers_mut().for_each(|tracker| tracker.set_dropped(frames));
+    }
+
     /// Takes a new template: see [`Engine::update_template`].
     pub(crate) fn update_template(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
         self.trackers_mut().try_for_each(|tracker| tracker.update_template(image, bbox, velocity))

@@ -23,6 +23,7 @@ pub mod scene;
 pub mod seen;
 pub mod start;
 mod threads;
+mod times;
 pub mod tracker;
 
 pub use config::{Config, Profile};

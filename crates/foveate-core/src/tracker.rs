@@ -11,6 +11,7 @@ use crate::origin::Origin;
 use crate::saved_state::{FORMAT, SavedState, refused};
 use crate::scene::{Detection, Image, Preprocessor, Regions, Scene, Sensor, World};
 use crate::seen::Seen;
+use crate::times::Times;
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
 use serde_json::json;
@@ -38,6 +39,7 @@ pub struct Tracker {
     shape: Option<[usize; 3]>,
     /// The result of the last picture; `None` before the first one and after [`Tracker::load`].
     last: Box<Option<Seen<'static>>>,
+    times: Times,
 }
 
 impl std::fmt::Debug for Tracker {
@@ -67,7 +69,15 @@ impl Tracker {
     /// Creates a tracker of these parts, or of several that vote.
     fn of(origin: Origin, parts: Vec<Parts>, preprocessor: Preprocessor) -> Self {
         let ensemble = Ensemble::new(parts, origin.seed, origin.target);
-        Self { origin, ensemble, preprocessor, sensor: None, shape: None, last: Box::default() }
+        Self {
+            origin,
+            ensemble,
+            preprocessor,
+            sensor: None,
+            shape: None,
+            last: Box::default(),
+            times: Times::default(),
+        }
     }
 
     /// Sets the sensor that reads pictures.
@@ -77,8 +87,8 @@ impl Tracker {
 
     /// Starts, or restarts, on the target in this box of a picture: an [`Image`], or any source of [`Regions`] for a configuration with
     /// `[sensor]`. The picture in the box becomes the template. Everything learned before and the random streams are reset, so that the
-    /// tracker continues as a new one would, bit for bit. Only the pictures that the detector and the camera motion have received stay, as
-    /// after [`Tracker::skip`]: for another video create another tracker.
+    /// tracker continues as a new one would, bit for bit. Only the times, and the pictures that the detector and the camera motion have
+    /// received, stay, as after [`Tracker::skip`]: for another video create another tracker.
     ///
     /// # Errors
     /// [`Error::Invalid`] if the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; nothing changes then.
@@ -184,6 +194,27 @@ impl Tracker {
         Ok(Seen { bbox: state.bbox(last.extent), state, covariance, ..last })
     }
 
+    /// Predicts as [`Tracker::predict`] does, for a time in seconds, from that of the last picture on: that of the motor's action. One frame
+    /// is the usual interval between pictures.
+    ///
+    /// # Errors
+    /// As [`Tracker::predict`]; [`Error::Invalid`] if fewer than two pictures have a time.
+    pub fn predict_at(&self, seconds: f64) -> Result<Seen<'static>> {
+        let untimed =
+            "predict_at: the times of the pictures are unknown; call set_time before each picture, or predict";
+        let untimed = || Error::Invalid(untimed.into());
+        let (last, interval) = self.times.last().zip(self.times.interval()).ok_or_else(untimed)?;
+        self.predict((seconds - last) / interval)
+    }
+
+    /// Sets the time of the next picture in seconds, from any origin. If the interval since the last picture is several times the usual
+    /// one, frames were dropped: the particles then move for as many frames of the dynamics, 30 more at
+    /// most. At a constant rate nothing changes, bit for bit.
+    pub fn set_time(&mut self, seconds: f64) {
+        let dropped = self.times.advance(seconds);
+        self.ensemble.set_dropped(dropped);
+    }
+
     /// Shows a picture without tracking to the detector and the camera motion, which compare pictures: one before the target is given, or
     /// the last one before [`Tracker::load`]. With `[sensor]` the overview is read.
     ///
@@ -260,7 +291,9 @@ impl Tracker {
     /// the camera motion compare: show the last picture again with [`Tracker::skip`].
     pub fn save(&self) -> SavedState {
         let (origin, shape, ensemble) = (&self.origin, self.shape, self.ensemble.save());
-        SavedState::new(&json!({ "format": FORMAT, "origin": origin, "shape": shape, "ensemble": ensemble }))
+        SavedState::new(
+            &json!({ "format": FORMAT, "origin": origin, "shape": shape, "times": self.times, "ensemble": ensemble }),
+        )
     }
 
     /// Restores a state that [`Tracker::save`] returned, in a tracker of the same configuration and seed. After an error, set the target
@@ -274,6 +307,7 @@ impl Tracker {
         *self.last = None;
         self.ensemble.load(&saved.part("ensemble"))?;
         self.shape = saved.part_read("shape")?;
+        self.times = saved.part_read("times")?;
         match self.shape.is_some() == self.has_target() {
             true => Ok(()),
             false => Err(refused("tracker", "it has a target without the size of its pictures, or the size alone")),
@@ -363,6 +397,13 @@ mod tests {
         let half = tracker.predict(2.5).expect("a prediction").state.x;
         assert!((half - 0.5 * (exact(2).0 + exact(3).0)).abs() < 1e-9);
         assert!(tracker.predict(-1.0).is_err() && tracker.predict(f64::NAN).is_err());
+        assert!(tracker.predict_at(1.0).expect_err("no times").to_string().contains("set_time"));
+        (0..4).for_each(|t| tracker.set_time(7.0 + 0.04 * f64::from(t)));
+        let (at, by) = (tracker.predict_at(7.22).expect("a prediction"), tracker.predict(2.5).expect("a prediction"));
+        assert!(
+            (at.state.x - by.state.x).abs() < 1e-9 && (at.covariance[0][0] / by.covariance[0][0] - 1.0).abs() < 1e-9
+        );
+        assert!(tracker.predict_at(7.0).is_err(), "before the last picture");
         tracker.reset_at(target(30.0)).expect("a box");
         assert_eq!(tracker.predict(0.0).expect("a prediction").bbox, target(30.0));
     }

@@ -203,6 +203,7 @@ impl Run<'_, '_, '_> {
                 let tiles = plan.tiles.and_then(|tiles| tiles.frame(frame.index));
                 let picture = picture_of(frame, tiles.as_ref());
                 let first = plan.init.take();
+                tracker.set_time(frame.time);
                 let seen = match given.map(|given| given.bbox).next().or(first) {
                     Some(bbox) => {
                         tracker.init(picture, bbox)?;

@@ -9,7 +9,7 @@ use crate::geometry::{Covariance, Extent, State};
 use crate::saved_state::{Valid, Validate, ensure};
 use crate::scene::Scene;
 use crate::start::StartSpread;
-use foveate_base::rng::Purpose::Predict;
+use foveate_base::rng::Purpose::{Dropped, Predict};
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -26,6 +26,8 @@ pub struct Filter {
     pub(super) detection_likelihood: Option<DetectionLikelihood>,
     pub(super) redetection: Option<Redetection>,
     pub(super) local_search: Option<LocalSearch>,
+    /// Frames that were dropped before the next one.
+    pub(super) dropped: usize,
     pub(super) state: FilterState,
 }
 
@@ -87,6 +89,7 @@ impl Filter {
             detection_likelihood: None,
             redetection: None,
             local_search: None,
+            dropped: 0,
             state: FilterState {
                 particles: vec![State::default(); n],
                 log_weights: vec![-(n as f64).ln(); n],
@@ -132,6 +135,7 @@ impl Filter {
     /// Draws all particles anew around a state.
     pub(super) fn spread(&mut self, state: &State, extent: Extent, streams: Streams) {
         self.state.waiting = None;
+        self.dropped = 0;
         self.start.draw(state, extent, &mut self.state.particles, streams);
         let even = -(self.state.particles.len() as f64).ln();
         self.state.log_weights.fill(even);
@@ -149,6 +153,10 @@ impl Filter {
         reuse: Particles,
     ) -> Particles {
         self.catch_up(streams.at(t - 1, Predict)); // If the particles waited, nothing was drawn in the previous frame.
+        let dropped = std::mem::take(&mut self.dropped);
+        if let Some(leap) = (dropped > 0).then(|| self.proposal.moments(dropped)).flatten() {
+            self.advance(&leap, streams.at(t, Dropped));
+        }
         let mut to = reuse;
         let n = self.state.particles.len();
         to.states.resize(n, State::default());
@@ -223,8 +231,54 @@ impl Filter {
     fn catch_up(&mut self, streams: Streams) {
         let Some(waiting) = self.state.waiting.take() else { return };
         let leap = self.proposal.over(waiting.frames).expect("it had one when they began to wait");
+        self.advance(&leap, streams);
+    }
+
+    /// Draws all particles after these frames of motion.
+    fn advance(&mut self, leap: &Leap, streams: Streams) {
         for (i, particles) in self.state.particles.chunks_mut(CHUNK).enumerate() {
             leap.draw(particles, &mut streams.rng(i as u64));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{Autoregressive, Prior};
+    use crate::scene::Image;
+    use foveate_base::rng::Purpose;
+    use std::sync::Arc;
+
+    /// n frames at constant velocity with noises q, p: x has moved by n v, and its variance is n p² + q² Σ k² over k = 1 ... n. With
+    /// n - 1 of them dropped, one step gives that; without, that of one frame.
+    #[test]
+    fn dropped_frames_move_and_spread_the_particles() {
+        const MANY: usize = 40_000;
+        let (velocity, position) = (0.5, 0.3);
+        let dynamics = Autoregressive { damping: 1.0, velocity, position, ..Autoregressive::default() };
+        let image = Image::grey(9, 9, 0);
+        for n in [1, 2, 5] {
+            let mut filter = Filter::new(Box::new(Prior::new(Arc::new(dynamics))), MANY).expect("particles");
+            filter.state.particles.fill(State { x: 10.0, vx: 3.0, ..State::default() });
+            filter.dropped = n - 1;
+            let (scene, extent) = (Scene { image: &image, detections: &[] }, Extent { half_w: 1.0, half_h: 1.0 });
+            let streams = Streams::new(7, 0);
+            let seen = filter.predict(scene, extent, (streams, 1), Particles::default());
+            let mean = seen.states.iter().map(|s| s.x).sum::<f64>() / MANY as f64;
+            let variance = seen.states.iter().map(|s| (s.x - mean).powi(2)).sum::<f64>() / MANY as f64;
+            let squares = (1..=n).map(|k| (k * k) as f64).sum::<f64>();
+            let exact = n as f64 * position * position + velocity * velocity * squares;
+            assert!((mean - (10.0 + 3.0 * n as f64)).abs() < 4.0 * (exact / MANY as f64).sqrt(), "{n}: {mean}");
+            assert!((variance / exact - 1.0).abs() < 0.03, "{n}: {variance}, expected {exact}");
+            assert_eq!(filter.dropped, 0, "only before the next frame");
+            if n == 1 {
+                let mut drawn = vec![State::default(); MANY];
+                let mut own = Prior::new(Arc::new(dynamics));
+                let parents = vec![State { x: 10.0, vx: 3.0, ..State::default() }; MANY];
+                own.propose(scene, &parents, &mut drawn, &mut vec![0.0; MANY], streams.at(1, Purpose::Predict));
+                assert!(drawn == seen.states, "the bits of a frame without dropped ones");
+            }
         }
     }
 }

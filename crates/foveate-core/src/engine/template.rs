@@ -87,6 +87,11 @@ impl Engine {
         self.visibility.set_fraction(visible);
     }
 
+    /// Sets the number of frames that were dropped before the next one: the particles move for as many frames more.
+    pub(crate) fn set_dropped(&mut self, frames: usize) {
+        self.parts.filter.dropped = frames;
+    }
+
     /// Sets the place where this target is expected in the next frame, and the places of the targets that overlap it.
     pub(crate) fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim>) {
         self.visibility.begin(own);

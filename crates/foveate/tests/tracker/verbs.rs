@@ -186,3 +186,38 @@ fn the_first_layer_is_trained_and_goes_on_from_what_was_saved() {
     let error = Tracker::new(&trained).expect_err("gradients are not trained").to_string();
     assert!(error.contains("encoder.kind"), "{error}");
 }
+
+/// A square moves by 3 px a frame, and seven frames are dropped. With their times the prediction is at its place; without, one frame on.
+#[test]
+fn a_target_is_expected_at_its_place_after_dropped_frames() {
+    let at = |t: usize| BBox::new(10.0 + 3.0 * t as f64, 30.0, 24.0, 24.0);
+    let picture = |t: usize| {
+        let pixel = |i: usize| {
+            let (x, y) = ((i % 200).wrapping_sub(10 + 3 * t), (i / 200).wrapping_sub(30));
+            if x < 24 && y < 24 {
+                120 + 100 * ((x / 6 + y / 6) % 2) as u8
+            } else {
+                (i % 200 * 3 + i / 200 * 5) as u8 % 40
+            }
+        };
+        Image::from_grey8(200, 90, &(0..200 * 90).map(pixel).collect::<Vec<_>>()).expect("200 x 90")
+    };
+    let expected = |timed: bool| {
+        let config = Config::builtin("natural").expect("it ships").expect("it is right");
+        let smooth = config.set("dynamics.damping=1").expect("a setting that is right");
+        let mut tracker = Tracker::new(&smooth).expect("parts that fit");
+        tracker.init(&picture(0), at(0)).expect("a box in the picture");
+        let mut mean = 0.0;
+        for t in (0..20).chain([28]) {
+            if timed {
+                tracker.set_time(t as f64 / 30.0);
+            }
+            let image = picture(t);
+            let seen = tracker.update(&image).expect("a picture of the first size");
+            mean = seen.particles.iter().map(|s| s.x).sum::<f64>() / seen.particles.len() as f64;
+        }
+        mean - at(28).centre().0
+    };
+    let (with, without) = (expected(true), expected(false));
+    assert!(with.abs() < 4.0 && without < -12.0, "{with} px with times, {without} px without");
+}
