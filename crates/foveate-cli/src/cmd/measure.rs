@@ -1,19 +1,20 @@
 //! Implements `foveate measure`: motion in metres and seconds, from a video or from the track.csv of a run.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use foveate::BBox;
-use foveate::lab::measure::{self, Axes, Clock, Curve, FitRequest, Scale, Settings};
+use foveate::lab::measure::{self, Axes, Clock, Curve, FitRequest, Lens, Ruler, Settings};
 use foveate::{Error, Result};
 
+use super::convert::Format;
 use super::results::spare;
 use super::track;
 use super::track::init::parse_box;
 
 /// Help text on the results.
 const FILES: &str = "\
-The output folder also has measure.csv (times, positions, velocities and accelerations with their standard errors), fits.json and
-measure.html. All points, origins and boxes count pixels from 1. y points up. Results of a fit have the errors of tracking, scale and clock.
+The output folder also has measure.csv (times, positions, velocities and accelerations with their standard errors), fits.json, ask.csv
+(the frames to look at) and measure.html. All points, origins and boxes count pixels from 1. y points up. Results of a fit have the errors of tracking, scale and clock.
 
 Example: foveate measure ball.mp4 --init 310,40,28,28 --ruler 100,60,100,460=1.000+-0.002m --fit parabola:y";
 
@@ -26,7 +27,7 @@ pub(crate) struct MeasureArgs {
     /// Scale: two points in the picture and the length between them, with its standard error and unit (mm, cm, m, km, in, ft; default: m).
     /// Without it lengths are in pixels
     #[arg(long, value_name = "X1,Y1,X2,Y2=LENGTH[+-ERROR][UNIT]", value_parser = parse_ruler, allow_hyphen_values = true)]
-    ruler: Option<Scale>,
+    ruler: Option<Ruler>,
     /// Origin of the coordinates. Default: the target's first position
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     origin: Option<(f64, f64)>,
@@ -43,20 +44,50 @@ pub(crate) struct MeasureArgs {
     /// Moving camera: a box in the first frame around a thing at rest. It is tracked too, and positions are relative to it
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_box, allow_hyphen_values = true)]
     reference: Option<BBox>,
+    /// Key frames: boxes of the target that you drew in some frames, as for `foveate annotate`. Tracking starts at the first one and restarts
+    /// at each of the others. Add the frames of ask.csv, and measure again
+    #[arg(long, value_name = "FILE", requires = "format", conflicts_with_all = ["init", "reinit", "from", "load_state", "track"])]
+    keyframes: Option<PathBuf>,
+    /// Format of the key frames
+    #[arg(long, value_enum, requires = "keyframes")]
+    format: Option<Format>,
+    /// Calibration of the camera, which takes out the distortion of the lens: a file of OpenCV (YAML, XML, JSON) with camera matrix and
+    /// distortion coefficients
+    #[arg(long, value_name = "FILE")]
+    lens: Option<PathBuf>,
     #[command(flatten)]
     run: track::Args,
 }
 
 pub(crate) fn run(args: MeasureArgs) -> Result<()> {
-    let MeasureArgs { track: file, ruler: scale, origin, angle, fps: clock, fit: fits, reference, mut run } = args;
-    let settings = Settings { axes: Axes { scale, origin, angle }, clock, fits };
+    let MeasureArgs {
+        track: file,
+        ruler,
+        origin,
+        angle,
+        fps: clock,
+        fit: fits,
+        reference,
+        keyframes,
+        format,
+        lens: calibration,
+        mut run,
+    } = args;
+    let lens = calibration.as_deref().map(Lens::read).transpose()?;
+    let settings = Settings { axes: Axes { ruler, origin, angle }, lens, clock, fits };
     let Some(file) = file else {
-        run.measure = Some(track::Measure { settings, reference });
+        if let Some((path, format)) = keyframes.as_ref().zip(format) {
+            run.start_at_key_frames(path, format)?;
+        }
+        let inputs = keyframes.into_iter().chain(calibration).collect();
+        run.measure = Some(track::Measure { settings, reference, inputs });
         return track::run(run);
     };
     let folder = &run.out;
     for name in measure::FILES {
-        spare(&folder.join(name), &[&file])?;
+        let inputs: Vec<&Path> =
+            [Some(&file), calibration.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
+        spare(&folder.join(name), &inputs)?;
     }
     let measured = measure::measure(&measure::read(&file)?, None, &settings).map_err(super::of_file(&file))?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
@@ -93,7 +124,7 @@ fn value_with_error(text: &str) -> Option<(f64, f64)> {
     (value > 0.0 && error >= 0.0).then_some((value, error))
 }
 
-fn parse_ruler(text: &str) -> Parsed<Scale> {
+fn parse_ruler(text: &str) -> Parsed<Ruler> {
     const UNITS: [(&str, f64); 6] =
         [("mm", 1e-3), ("cm", 1e-2), ("km", 1e3), ("m", 1.0), ("in", 0.0254), ("ft", 0.3048)];
     let parsed = || {
@@ -102,7 +133,9 @@ fn parse_ruler(text: &str) -> Parsed<Scale> {
         let named = UNITS.iter().find_map(|(name, metres)| Some((length.trim().strip_suffix(name)?, *metres)));
         let (length, metres) = named.unwrap_or((length, 1.0));
         let (length, error) = value_with_error(length)?;
-        Scale::of([(x1, y1), (x2, y2)], length * metres, error * metres)
+        let ends = [(x1 - 1.0, y1 - 1.0), (x2 - 1.0, y2 - 1.0)];
+        let ruler = Ruler { ends, length: length * metres, error: error * metres };
+        ruler.scale().map(|_| ruler)
     };
     let wrong = || format!("expected two points and a length such as 100,60,100,460=1.000+-0.002m, got \"{text}\"");
     parsed().ok_or_else(wrong)
@@ -142,9 +175,10 @@ mod tests {
 
     #[test]
     fn options_are_read_or_refused() {
-        let ruler = parse_ruler("1,1,1,201=50+-0.5cm").expect("a ruler");
+        let scale = |text: &str| parse_ruler(text).expect("a ruler").scale().expect("a scale");
+        let ruler = scale("1,1,1,201=50+-0.5cm");
         assert!((ruler.metres - 0.0025).abs() < 1e-12 && ruler.error > 0.01);
-        assert!(parse_ruler("0,0,3,4=2ft").is_ok_and(|r| (r.metres - 0.12192).abs() < 1e-12));
+        assert!((scale("0,0,3,4=2ft").metres - 0.12192).abs() < 1e-12);
         assert_eq!(parse_clock("240±0.5"), Ok(Clock { rate: 240.0, error: 0.5 }));
         assert_eq!(parse_point("1,2"), Ok((0.0, 1.0)));
         let fit = FitRequest { curve: Curve::Parabola, axis: 1, range: Some((0.1, 0.45)) };

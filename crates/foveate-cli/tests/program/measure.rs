@@ -13,12 +13,12 @@ fn a_video_and_its_track_give_the_same_measurement() {
     assert!(output.status.success(), "{}", errors(&output));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(said.contains("line:x") && said.contains("  v = ") && said.contains("m/s (95 %:"), "{said}");
-    let names = ["boxes.txt", "fits.json", "measure.csv", "measure.html", "run.json", "track.csv"];
+    let names = ["ask.csv", "boxes.txt", "fits.json", "measure.csv", "measure.html", "run.json", "track.csv"];
     assert_eq!(place.names("out"), names);
     assert_eq!(place.lines("out/measure.csv"), FRAMES + 1);
     let again = run(&["--track", "out/track.csv", "-o", "again"]);
     assert!(again.status.success(), "{}", errors(&again));
-    for name in ["measure.csv", "fits.json"] {
+    for name in ["measure.csv", "fits.json", "ask.csv"] {
         assert!(place.read(&format!("out/{name}")) == place.read(&format!("again/{name}")), "{name}");
     }
     // A thing that moves with the target takes its motion away.
@@ -34,9 +34,61 @@ fn a_video_and_its_track_give_the_same_measurement() {
     assert!(speed("relative") < 0.3 * speed("out"), "{} {}", speed("relative"), speed("out"));
 }
 
+/// A calibration as OpenCV writes it; `size` has the lines with the size of the pictures.
+fn calibration(size: &str, k1: f64) -> String {
+    format!(
+        "%YAML:1.0\n---\n{size}camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
+         data: [ 100., 0., 59.5, 0., 100., 44.5, 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   \
+         dt: d\n   data: [ {k1}, 0., 0., 0., 0. ]\n"
+    )
+}
+
+#[test]
+fn corrections_are_key_frames_and_a_lens_is_taken_out() {
+    let place = Place::new();
+    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let line = |frame: usize| format!("{frame},1,{},1,-1,-1,-1\n", truth.lines().nth(frame - 1).expect("a box"));
+    std::fs::write(place.path("keys.txt"), line(2) + &line(6)).expect("writable");
+    let run = |args: &[&str]| {
+        let quick = [
+            "measure",
+            "video",
+            "-c",
+            "c.toml",
+            "--no-video",
+            "--no-report",
+            "--keyframes",
+            "keys.txt",
+            "--format",
+            "mot",
+        ];
+        let output = place.run(&[&quick[..], args].concat());
+        assert!(output.status.success(), "{}", errors(&output));
+    };
+    run(&["-o", "plain"]);
+    let table = String::from_utf8(place.read("plain/track.csv")).expect("text");
+    let given: Vec<&str> =
+        table.lines().filter(|line| line.contains("given")).filter_map(|line| line.split(',').next()).collect();
+    assert_eq!(given, ["2", "6"], "{table}");
+    std::fs::write(place.path("flat.yml"), calibration("", 0.0)).expect("writable");
+    std::fs::write(place.path("bent.yml"), calibration("", -0.1)).expect("writable");
+    run(&["-o", "flat", "--lens", "flat.yml"]);
+    run(&["-o", "bent", "--lens", "bent.yml"]);
+    let measured = |folder: &str| place.read(&format!("{folder}/measure.csv"));
+    assert!(measured("flat") != measured("bent"));
+    let x = |folder: &str| -> f64 {
+        let text = String::from_utf8(measured(folder)).expect("text");
+        text.lines().nth(5).and_then(|line| line.split(',').nth(2)).and_then(|x| x.parse().ok()).expect("x")
+    };
+    assert!((x("flat") - x("plain")).abs() < 1e-6 && (x("bent") - x("plain")).abs() > 1e-3);
+}
+
 #[test]
 fn what_cannot_be_measured_is_refused() {
     let place = Place::new();
+    std::fs::write(place.path("lens.yml"), calibration("image_width: 4000\nimage_height: 90\n", 0.0))
+        .expect("writable");
+    std::fs::write(place.path("two.txt"), "1,1,5,5,20,20,1,-1,-1,-1\n1,2,50,50,20,20,1,-1,-1,-1\n").expect("writable");
     let refused = |args: &[&str], said: &str| {
         let output = place.run(&[&["measure", "-o", "none"][..], args].concat());
         assert!(!output.status.success() && errors(&output).contains(said), "{args:?}: {}", errors(&output));
@@ -47,5 +99,8 @@ fn what_cannot_be_measured_is_refused() {
     refused(&["video", "--track", "track.csv"], "cannot be used with");
     refused(&["--track", "nothing.csv"], "nothing.csv");
     refused(&[], "required");
+    refused(&["video", "--lens", "lens.yml"], "4000 x 90");
+    refused(&["video", "--keyframes", "two.txt", "--format", "mot"], "2 targets");
+    refused(&["video", "--keyframes", "two.txt"], "--format");
     refused(&["video", "--fit", "cubic:y"], "parabola");
 }

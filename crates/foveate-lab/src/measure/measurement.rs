@@ -2,11 +2,14 @@
 
 use std::fmt::Write as _;
 
+use foveate_base::text::counted;
 use foveate_base::{Error, Result};
 use foveate_report::quoted;
 use serde::Serialize;
 
+use super::ask::{Ask, ask};
 use super::fit::{Fitted, Point, fit, student};
+use super::lens::Lens;
 use super::models::Curve;
 use super::smooth::{Sample, Smoothed, Smoothing, median, smooth};
 use super::track::Position;
@@ -47,6 +50,8 @@ pub const AXES: [&str; 2] = ["x", "y"];
 pub struct Settings {
     /// The coordinate system.
     pub axes: Axes,
+    /// The lens, whose distortion is removed from all positions and points.
+    pub lens: Option<Lens>,
     /// A frame rate that replaces the times of the source.
     pub clock: Option<Clock>,
     /// The fits.
@@ -133,6 +138,8 @@ pub struct Measurement {
     pub smoothing: [Smoothing; 2],
     /// The fits.
     pub fits: Vec<Fit>,
+    /// The frames to look at, most doubtful first.
+    pub ask: Vec<Ask>,
     /// Fits that failed, and other notes: whole sentences.
     pub notes: Vec<String>,
 }
@@ -140,8 +147,14 @@ pub struct Measurement {
 /// Measures the motion of a track. Positions are relative to the reference track, if there is one: its frames must be those of the track.
 ///
 /// # Errors
-/// There are too few positions, or times that do not increase.
+/// There are too few positions, or times that do not increase; or the lens shows no point at an end of the ruler or at the origin.
 pub fn measure(track: &[Position], reference: Option<&[Position]>, settings: &Settings) -> Result<Measurement> {
+    if let Some(lens) = &settings.lens {
+        let straight = |track: &[Position]| -> Vec<Position> { track.iter().map(|p| lens.straighten(p)).collect() };
+        let (track, reference) = (straight(track), reference.map(straight));
+        let settings = Settings { axes: settings.axes.straighten(lens)?, lens: None, ..settings.clone() };
+        return measure(&track, reference.as_deref(), &settings);
+    }
     let usable = |k: usize| track[k].usable && reference.is_none_or(|other| other.get(k).is_some_and(|p| p.usable));
     let all: Vec<usize> = (0..track.len()).filter(|k| usable(*k)).collect();
     let (Some(&first), Some(&last)) = (all.first(), all.last()) else {
@@ -214,7 +227,14 @@ pub fn measure(track: &[Position], reference: Option<&[Position]>, settings: &Se
             Err(problem) => notes.push(format!("No fit {}: {problem}.", request.name())),
         }
     }
-    Ok(Measurement { unit: axes.unit(), relative, rows, smoothing, fits, notes })
+    let leaps = |k: &usize| smoothing.iter().any(|smoothing| smoothing.inflation[*k] > 1.0);
+    let leaps: Vec<usize> = (0..frames.len()).filter(leaps).map(|k| first + k).collect();
+    let ask = ask(track, &leaps);
+    if let Some(Ask { frame, stretch: [from, to], .. }) = ask.first() {
+        let places = counted(ask.len(), "place");
+        notes.push(format!("Check {places} (ask.csv), first frame {frame} of {from} to {to}."));
+    }
+    Ok(Measurement { unit: axes.unit(), relative, rows, smoothing, fits, ask, notes })
 }
 
 /// Returns the usual covariance of a track, for frames whose box was given.
@@ -343,7 +363,7 @@ impl Measurement {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::super::units::Scale;
+    use super::super::units::Ruler;
     use super::*;
 
     /// A ball that falls from rest with 9.81 m/s² at 100 px/m and 50 frames/s; lost in two frames.
@@ -367,10 +387,11 @@ pub(super) mod tests {
     }
 
     fn settings() -> Settings {
-        let scale = Scale::of([(0.0, 0.0), (0.0, 400.0)], 4.0, 0.0);
+        let ruler = Some(Ruler { ends: [(0.0, 0.0), (0.0, 400.0)], length: 4.0, error: 0.0 });
         let range = Some((0.1, 0.5));
         Settings {
-            axes: Axes { scale, ..Axes::default() },
+            axes: Axes { ruler, ..Axes::default() },
+            lens: None,
             clock: None,
             fits: vec![
                 FitRequest { curve: Curve::Parabola, axis: 1, range: None },
@@ -438,6 +459,35 @@ pub(super) mod tests {
         let json: serde_json::Value = serde_json::from_str(&measured.json()).expect("JSON");
         assert_eq!(json["fits"][0]["values"][3]["name"], "g");
         assert!(measured.text().iter().any(|line| line.contains("g = 9.8") && line.contains("m/s² (95 %: 9.7")));
+    }
+
+    /// The pictures of a lens that bends give, with its calibration, the fall without it; without, g is off.
+    #[test]
+    fn a_lens_is_taken_out_of_positions_and_ruler() {
+        let lens = Lens::simple([300.0, 300.0], [80.0, 40.0], -0.2);
+        let bent = |p: &(f64, f64)| {
+            let (x, y) = ((p.0 - 80.0) / 300.0, (p.1 - 40.0) / 300.0);
+            let factor = 1.0 - 0.2 * (x * x + y * y);
+            (80.0 + 300.0 * x * factor, 40.0 + 300.0 * y * factor)
+        };
+        let shown = |p: Position| Position { centre: bent(&p.centre), ..p };
+        let track: Vec<Position> = falling(0.0).into_iter().map(shown).collect();
+        let mut settings = settings();
+        settings.axes.ruler =
+            settings.axes.ruler.map(|ruler| Ruler { ends: [bent(&(0.0, 0.0)), bent(&(0.0, 400.0))], ..ruler });
+        let g = |lens: Option<Lens>| {
+            let measured = measure(&track, None, &Settings { lens, ..settings.clone() }).expect("a measurement");
+            measured.fits[0].values.last().expect("g").value
+        };
+        assert!((g(Some(lens)) - 9.81).abs() < 0.02, "{}", g(Some(lens)));
+        assert!((g(None) - 9.81).abs() > 0.3, "{}", g(None));
+    }
+
+    #[test]
+    fn lost_frames_are_asked_for() {
+        let measured = measure(&falling(0.0), None, &settings()).expect("a measurement");
+        assert_eq!((measured.ask[0].stretch, measured.ask[0].reason), ([13, 14], "lost"));
+        assert!(measured.notes.iter().any(|note| note.contains("first frame 13 of 13 to 14")), "{:?}", measured.notes);
     }
 
     #[test]

@@ -3,12 +3,16 @@
 //! | step | module |
 //! | --- | --- |
 //! | positions and covariances of a run, or of its track.csv | [`Position`], [`read`] |
-//! | pixels to metres, origin, axes, clock | [`Axes`], [`Scale`], [`Clock`] |
+//! | distortion of the lens | [`Lens`] |
+//! | pixels to metres, origin, axes, clock | [`Axes`], [`Ruler`], [`Clock`] |
+//! | frames to look at | [`Ask`] |
 //! | a fixed-interval smoother | [`smooth`] |
 //! | fits with parameter errors | [`fit`], [`Curve`] |
-//! | measure.csv, fits.json, measure.html | [`measure`], [`MeasureFiles`], [`write()`] |
+//! | measure.csv, fits.json, ask.csv, measure.html | [`measure`], [`MeasureFiles`], [`write()`] |
 
+mod ask;
 mod fit;
+mod lens;
 mod linear;
 mod measurement;
 mod models;
@@ -18,10 +22,12 @@ mod smooth;
 mod track;
 mod units;
 
+pub use ask::Ask;
 pub use fit::{Fitted, Point, fit, student};
+pub use lens::Lens;
 pub use measurement::{AXES, Fit, FitRequest, Measurement, Row, Settings, Value, measure};
 pub use models::{Curve, Parameter};
 pub use observer::{FILES, Lines, MeasureFiles, write};
 pub use smooth::{FAR, FEWEST, Sample, Smoothed, Smoothing, smooth};
 pub use track::{Position, read};
-pub use units::{Axes, Clock, Scale, unit, with_error};
+pub use units::{Axes, Clock, Ruler, Scale, unit, with_error};

@@ -1,4 +1,4 @@
-//! measure.csv, fits.json and measure.html of a run.
+//! The files of a measurement, from a run.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,12 +10,13 @@ use foveate_core::{Seen, Tracker};
 use foveate_report::Observer;
 use foveate_video::Frame;
 
+use super::ask::csv;
 use super::measurement::{Measurement, Settings, measure};
 use super::page::page;
 use super::track::Position;
 
 /// The names of the files.
-pub const FILES: [&str; 3] = ["measure.csv", "fits.json", "measure.html"];
+pub const FILES: [&str; 4] = ["measure.csv", "fits.json", "ask.csv", "measure.html"];
 
 /// The lines of the results, which the observer adds at the end. Clones share them.
 #[derive(Clone, Debug, Default)]
@@ -70,6 +71,7 @@ impl Observer for MeasureFiles {
         let Some(seen) = targets.first() else { return Ok(()) };
         self.track.push(Position::of(frame, seen));
         if let Some(Reference { tracker, bbox, track }) = &mut self.reference {
+            tracker.set_time(frame.time);
             let seen = match bbox.take() {
                 Some(bbox) => {
                     tracker.init(&frame.image, bbox)?;
@@ -104,8 +106,8 @@ pub fn write(folder: &Path, source: &str, measured: &Measurement) -> Result<()> 
     files.try_for_each(|(name, text)| files::write(folder.join(name), text.as_bytes()))
 }
 
-fn texts(source: &str, measured: &Measurement) -> [String; 3] {
-    [measured.csv(), measured.json(), page(source, measured)]
+fn texts(source: &str, measured: &Measurement) -> [String; 4] {
+    [measured.csv(), measured.json(), csv(&measured.ask), page(source, measured)]
 }
 
 #[cfg(test)]

@@ -1,7 +1,22 @@
 //! From pixels and frames to metres and seconds.
 
+use foveate_base::{Error, Result};
+
+use super::lens::Lens;
+
 /// Standard error of each coordinate of a clicked point, pixels.
 const CLICK: f64 = 0.5;
+
+/// A length in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ruler {
+    /// Its ends, pixels from 0. Each coordinate counts as known within half a pixel.
+    pub ends: [(f64, f64); 2],
+    /// The length, metres.
+    pub length: f64,
+    /// Its standard error, metres.
+    pub error: f64,
+}
 
 /// The length of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,14 +27,13 @@ pub struct Scale {
     pub error: f64,
 }
 
-impl Scale {
-    /// Creates the scale from two points in the picture (pixels) and the length between them with its standard error (metres). Each
-    /// coordinate of a point counts as known within half a pixel. `None` if the points coincide or the length is not above 0.
-    pub fn of(points: [(f64, f64); 2], length: f64, error: f64) -> Option<Self> {
-        let [a, b] = points;
+impl Ruler {
+    /// Returns the scale. `None` if the ends coincide or the length is not above 0.
+    pub fn scale(&self) -> Option<Scale> {
+        let Self { ends: [a, b], length, error } = *self;
         let pixels = (b.0 - a.0).hypot(b.1 - a.1);
         let relative = (error / length).hypot(CLICK * 2.0_f64.sqrt() / pixels);
-        let scale = Self { metres: length / pixels, error: relative };
+        let scale = Scale { metres: length / pixels, error: relative };
         (pixels > 0.0 && length > 0.0 && error >= 0.0 && scale.metres.is_finite() && relative.is_finite())
             .then_some(scale)
     }
@@ -37,8 +51,8 @@ pub struct Clock {
 /// The coordinate system of a measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Axes {
-    /// The length of a pixel; `None` measures in pixels.
-    pub scale: Option<Scale>,
+    /// A known length; `None` measures in pixels.
+    pub ruler: Option<Ruler>,
     /// The origin, pixels from 0; `None` is the first position of the target.
     pub origin: Option<(f64, f64)>,
     /// The direction of the x axis, degrees anticlockwise from the picture's right. The y axis points 90 degrees further: up.
@@ -48,18 +62,45 @@ pub struct Axes {
 impl Axes {
     /// Returns the unit of length.
     pub fn unit(&self) -> &'static str {
-        if self.scale.is_some() { "m" } else { "px" }
+        if self.ruler.is_some() { "m" } else { "px" }
+    }
+
+    /// Returns the length of a pixel; `None` measures in pixels.
+    fn scale(&self) -> Option<Scale> {
+        self.ruler.as_ref().and_then(Ruler::scale)
+    }
+
+    /// Removes the distortion of a lens from the points.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the lens shows no point there.
+    pub(super) fn straighten(&self, lens: &Lens) -> Result<Self> {
+        let point = |(x, y): (f64, f64)| {
+            let outside = || {
+                Error::Invalid(format!(
+                    "the lens shows no point at ({}, {}): is it that of this video?",
+                    x + 1.0,
+                    y + 1.0
+                ))
+            };
+            lens.undistort((x, y)).ok_or_else(outside)
+        };
+        let ruler = self.ruler.map(|ruler| {
+            let [a, b] = ruler.ends;
+            Ok::<_, Error>(Ruler { ends: [point(a)?, point(b)?], ..ruler })
+        });
+        Ok(Self { ruler: ruler.transpose()?, origin: self.origin.map(point).transpose()?, ..*self })
     }
 
     /// Returns the relative standard error of all lengths.
     pub fn error(&self) -> f64 {
-        self.scale.map_or(0.0, |scale| scale.error)
+        self.scale().map_or(0.0, |scale| scale.error)
     }
 
     /// Returns coordinates and their variances, from a position relative to the origin and its covariance (xx, xy, yy) in the picture,
     /// pixels.
     pub(super) fn apply(&self, (dx, dy): (f64, f64), [xx, xy, yy]: [f64; 3]) -> ([f64; 2], [f64; 2]) {
-        let metres = self.scale.map_or(1.0, |scale| scale.metres);
+        let metres = self.scale().map_or(1.0, |scale| scale.metres);
         let (sin, cos) = self.angle.to_radians().sin_cos();
         // The picture's y points down.
         let (up, across) = (-dy, -xy);
@@ -96,17 +137,17 @@ mod tests {
 
     #[test]
     fn a_ruler_gives_the_scale_and_its_error() {
-        let scale = Scale::of([(10.0, 20.0), (40.0, 60.0)], 1.0, 0.01).expect("a ruler");
+        let of = |ends, length, error| Ruler { ends, length, error }.scale();
+        let scale = of([(10.0, 20.0), (40.0, 60.0)], 1.0, 0.01).expect("a ruler");
         assert!((scale.metres - 0.02).abs() < 1e-15);
         assert!((scale.error - (1e-4_f64 + 0.5 / 2500.0).sqrt()).abs() < 1e-15);
-        assert!(
-            Scale::of([(1.0, 1.0); 2], 1.0, 0.0).is_none() && Scale::of([(0.0, 0.0), (1.0, 0.0)], 0.0, 0.0).is_none()
-        );
+        assert!(of([(1.0, 1.0); 2], 1.0, 0.0).is_none() && of([(0.0, 0.0), (1.0, 0.0)], 0.0, 0.0).is_none());
     }
 
     #[test]
     fn axes_turn_positions_and_variances() {
-        let axes = Axes { scale: Scale::of([(0.0, 0.0), (2.0, 0.0)], 1.0, 0.0), origin: None, angle: 30.0 };
+        let ruler = Some(Ruler { ends: [(0.0, 0.0), (2.0, 0.0)], length: 1.0, error: 0.0 });
+        let axes = Axes { ruler, origin: None, angle: 30.0 };
         // 10 px along an axis that points 30 degrees up, errors along it only.
         let (sin, cos) = 30_f64.to_radians().sin_cos();
         let (value, variance) =

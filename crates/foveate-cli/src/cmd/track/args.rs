@@ -113,6 +113,8 @@ pub(crate) struct Measure {
     pub settings: Settings,
     /// The box in the first frame of a thing at rest.
     pub reference: Option<BBox>,
+    /// Further files that the results must not replace.
+    pub inputs: Vec<PathBuf>,
 }
 
 impl Args {
@@ -133,7 +135,8 @@ impl Args {
         let begins = self.init.is_empty() && self.load_state.is_none() && !self.many.asked();
         let truth = truth_file(source).filter(|_| begins || source.is_dir());
         let files = files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([source]);
-        files.map(PathBuf::from).chain(truth).collect()
+        let measure = self.measure.iter().flat_map(|measure| measure.inputs.iter().cloned());
+        files.map(PathBuf::from).chain(truth).chain(measure).collect()
     }
 
     /// Returns whether the arguments select many targets.

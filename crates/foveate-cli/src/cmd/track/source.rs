@@ -107,6 +107,11 @@ impl SourceArgs {
         Selection { from, every: self.every as usize, scale: self.scale }
     }
 
+    /// Starts at a frame, counted from 0.
+    pub(super) fn start_at(&mut self, frame: usize) {
+        self.from = Some(frame as u64 + 1);
+    }
+
     /// Converts a box of the video to the pixels of the scaled pictures.
     pub(crate) fn scaled(&self, b: &BBox) -> BBox {
         let s = self.scale;

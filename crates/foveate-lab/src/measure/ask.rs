@@ -1,0 +1,110 @@
+//! The frames at which a person should look, because the target may be lost or its position is doubtful.
+
+use super::smooth::median;
+use super::track::Position;
+
+/// A frame with a higher P(lost) is doubtful.
+const P_LOST: f64 = 0.2;
+/// So is one whose region is so many times the usual one.
+const REGION: f64 = 3.0;
+/// Doubtful frames at most so far apart are one stretch.
+const NEAR: usize = 5;
+/// Radius of the 90 % region of a normal distribution in the plane, standard deviations of its longest axis.
+const RADIUS: f64 = 2.146;
+
+/// A stretch of doubtful frames, counted from 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ask {
+    /// Its most doubtful frame.
+    pub frame: usize,
+    /// First and last frame.
+    pub stretch: [usize; 2],
+    /// P(lost) in the most doubtful frame.
+    pub p_lost: f64,
+    /// Radius of the 90 % region of the position there, pixels; `None` if it is unknown.
+    pub region: Option<f64>,
+    /// `lost`, `region` or `leap`.
+    pub reason: &'static str,
+}
+
+/// Returns the doubtful stretches of a track, the one with most doubt first. `leaps` are the frames (by their place in the track) whose
+/// position does not fit those of the others.
+pub(super) fn ask(track: &[Position], leaps: &[usize]) -> Vec<Ask> {
+    let regions: Vec<Option<f64>> = track.iter().map(|position| position.covariance.map(radius)).collect();
+    let usual = median(regions.iter().flatten().copied());
+    let doubt = |k: usize| -> Option<(&'static str, f64)> {
+        let position = &track[k];
+        if !position.usable || position.p_lost > P_LOST {
+            Some(("lost", position.p_lost.max(P_LOST)))
+        } else if regions[k].is_some_and(|radius| radius > REGION * usual) {
+            Some(("region", P_LOST))
+        } else {
+            leaps.contains(&k).then_some(("leap", P_LOST))
+        }
+    };
+    let mut stretches: Vec<(f64, [usize; 2], Ask)> = vec![];
+    for (k, position) in track.iter().enumerate() {
+        let Some((reason, weight)) = doubt(k) else { continue };
+        let (frame, p_lost, region) = (position.frame, position.p_lost, regions[k]);
+        let found = Ask { frame, stretch: [frame; 2], p_lost, region, reason };
+        match stretches.last_mut() {
+            Some((sum, [_, end], ask)) if k - *end <= NEAR => {
+                (*sum, *end) = (*sum + weight, k);
+                let stretch = [ask.stretch[0], frame];
+                if (p_lost, region) > (ask.p_lost, ask.region) {
+                    *ask = found;
+                }
+                ask.stretch = stretch;
+            }
+            _ => stretches.push((weight, [k; 2], found)),
+        }
+    }
+    stretches.sort_by(|a, b| b.0.total_cmp(&a.0));
+    stretches.into_iter().map(|(_, _, ask)| ask).collect()
+}
+
+/// Returns the radius of the 90 % region of a covariance (xx, xy, yy): that of its longest axis.
+fn radius([xx, xy, yy]: [f64; 3]) -> f64 {
+    let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+    RADIUS * (mean + half.hypot(xy)).max(0.0).sqrt()
+}
+
+/// Returns ask.csv.
+pub(super) fn csv(asks: &[Ask]) -> String {
+    let line = |(i, ask): (usize, &Ask)| {
+        let (rank, region) = (i + 1, ask.region.map_or(String::new(), |radius| format!("{radius:.2}")));
+        let Ask { frame, stretch: [from, to], p_lost, reason, .. } = ask;
+        format!("{rank},{frame},{from},{to},{p_lost},{region},{reason}\n")
+    };
+    let lines: String = asks.iter().enumerate().map(line).collect();
+    format!("rank,frame,from,to,p_lost,region (px),reason\n{lines}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretches_of_doubt_are_ranked() {
+        let at = |k: usize| Position {
+            frame: k + 1,
+            time: k as f64,
+            centre: (k as f64, 0.0),
+            covariance: (k > 0).then_some(if k == 50 { [0.01, 0.0, 1.0] } else { [0.04, 0.0, 0.04] }),
+            p_lost: match k {
+                20..=23 => 0.3 + k as f64 / 100.0,
+                27 => 0.9,
+                _ => 0.01,
+            },
+            status: String::new(),
+            usable: true,
+        };
+        let track: Vec<Position> = (0..60).map(at).collect();
+        let asks = ask(&track, &[10]);
+        let all: Vec<_> = asks.iter().map(|ask| (ask.frame, ask.stretch, ask.reason)).collect();
+        assert_eq!(all, [(28, [21, 28], "lost"), (11, [11, 11], "leap"), (51, [51, 51], "region")]);
+        assert!(asks[2].region.is_some_and(|radius| (radius - 2.146).abs() < 1e-9), "the longest axis: {asks:?}");
+        assert_eq!(csv(&asks).lines().nth(1), Some("1,28,21,28,0.9,0.43,lost"));
+        assert!(ask(&track[..20], &[]).is_empty());
+    }
+}
