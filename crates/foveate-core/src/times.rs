@@ -51,7 +51,8 @@ impl Times {
     /// Returns the usual interval, seconds: the mean of the middle half, because rates may alternate. `None` before the second picture.
     pub(crate) fn interval(&self) -> Option<f64> {
         let mut sorted = [0.0; KEPT];
-        let n = sorted.iter_mut().zip(&self.intervals).map(|(to, from)| *to = *from).count();
+        let n = self.intervals.len().min(KEPT);
+        sorted.iter_mut().zip(&self.intervals).for_each(|(to, from)| *to = *from);
         sorted[..n].sort_by(f64::total_cmp);
         let middle = &sorted[n / 4..n - n / 4];
         (n > 0).then(|| middle.iter().sum::<f64>() / middle.len() as f64)

@@ -22,9 +22,8 @@ pub struct Lens {
 /// Newton steps at most; a point that the model can show needs about five.
 const STEPS: usize = 50;
 /// The names of the camera matrix and of the coefficients.
-const MATRIX: [&str; 4] = ["camera_matrix", "cameraMatrix", "Camera_Matrix", "K"];
-const COEFFICIENTS: [&str; 5] =
-    ["distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "D"];
+const MATRIX: [&str; 3] = ["camera_matrix", "cameraMatrix", "Camera_Matrix"];
+const COEFFICIENTS: [&str; 4] = ["distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs"];
 
 impl Lens {
     #[cfg(test)]

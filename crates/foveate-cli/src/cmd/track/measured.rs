@@ -71,7 +71,7 @@ impl Measured {
         }
         let size = opened.source.info().size();
         if let Some([width, height]) = measure.settings.lens.and_then(|lens| lens.size)
-            && (width, height) != size.into()
+            && (width, height) != (size.width, size.height)
         {
             return Err(Error::Invalid(format!(
                 "--lens: it was calibrated with pictures of {width} x {height}, these are {} x {}; give the calibration of this size",
