@@ -19,6 +19,9 @@ pub struct Lens {
     pub size: Option<[usize; 2]>,
 }
 
+/// Derivatives of x, then of y, by x and y.
+type Jacobian = [[f64; 2]; 2];
+
 /// Newton steps at most; a point that the model can show needs about five.
 const STEPS: usize = 50;
 /// The names of the camera matrix and of the coefficients.
@@ -64,7 +67,7 @@ impl Lens {
     }
 
     /// Returns where the lens shows a point of the plane z = 1, in that plane, and the derivatives.
-    fn distort(&self, [x, y]: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
+    fn distort(&self, [x, y]: [f64; 2]) -> ([f64; 2], Jacobian) {
         let [k1, k2, p1, p2, k3] = self.distortion;
         let r = x * x + y * y;
         let radial = 1.0 + r * (k1 + r * (k2 + r * k3));
@@ -83,7 +86,7 @@ impl Lens {
 
     /// Returns where a point of the picture would be without distortion, and the derivatives by its coordinates; `None` if the model shows
     /// no point there.
-    fn inverse(&self, point: (f64, f64)) -> Option<((f64, f64), [[f64; 2]; 2])> {
+    fn inverse(&self, point: (f64, f64)) -> Option<((f64, f64), Jacobian)> {
         let [fx, fy] = self.focal;
         let shown = [(point.0 - self.centre[0]) / fx, (point.1 - self.centre[1]) / fy];
         let mut at = shown;
