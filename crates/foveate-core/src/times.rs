@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 
 /// The usual interval is that of so many intervals.
 const KEPT: usize = 31;
-/// Fewer intervals do not tell the usual one.
+/// No frame counts as dropped until so many intervals are known.
 const FEWEST: usize = 8;
 /// An interval this much short of a whole number of usual ones still has that number.
 const SHORT: f64 = 0.25;
-/// The most frames that count as dropped: after a longer pause the dynamics say nothing of the place.
+/// The most frames that count as dropped: after a longer pause the prediction is of no use.
 const MOST: f64 = 30.0;
 
 /// The time of the last picture, and the intervals before it.
@@ -18,29 +18,37 @@ const MOST: f64 = 30.0;
 pub(crate) struct Times {
     last: Option<f64>,
     intervals: VecDeque<f64>,
+    /// Frames that were dropped before the next picture.
+    dropped: usize,
 }
 
 impl Default for Times {
     fn default() -> Self {
-        Self { last: None, intervals: VecDeque::with_capacity(KEPT) }
+        Self { last: None, intervals: VecDeque::with_capacity(KEPT), dropped: 0 }
     }
 }
 
 impl Times {
-    /// Takes the time of the next picture, seconds. Returns the number of frames that were dropped before it: the interval in units of the
-    /// usual one, in whole numbers, less 1. A time that is not finite or does not increase starts a new series.
-    pub(crate) fn advance(&mut self, time: f64) -> usize {
+    /// Takes the time of the next picture, seconds, and counts the frames that were dropped before it: the interval in units of the usual
+    /// one, in whole numbers, less 1. A time that is not finite or does not increase starts a new series.
+    pub(crate) fn advance(&mut self, time: f64) {
         let interval = self.last.map_or(f64::NAN, |last| time - last);
         self.last = time.is_finite().then_some(time);
+        self.dropped = 0;
         if !(interval > 0.0 && interval.is_finite()) {
-            return 0;
+            return;
         }
         let usual = self.interval().filter(|_| self.intervals.len() >= FEWEST);
         while self.intervals.len() >= KEPT {
             self.intervals.pop_front();
         }
         self.intervals.push_back(interval);
-        usual.map_or(0, |usual| ((interval / usual + SHORT).floor() - 1.0).clamp(0.0, MOST) as usize)
+        self.dropped = usual.map_or(0, |usual| ((interval / usual + SHORT).floor() - 1.0).clamp(0.0, MOST) as usize);
+    }
+
+    /// Returns the number of frames that were dropped before the next picture, once.
+    pub(crate) fn take_dropped(&mut self) -> usize {
+        std::mem::take(&mut self.dropped).min(MOST as usize)
     }
 
     /// Returns the time of the last picture.
@@ -65,7 +73,11 @@ mod tests {
 
     fn dropped(times: impl IntoIterator<Item = f64>) -> Vec<usize> {
         let mut all = Times::default();
-        times.into_iter().map(|time| all.advance(time)).collect()
+        let count = |time| {
+            all.advance(time);
+            all.take_dropped()
+        };
+        times.into_iter().map(count).collect()
     }
 
     #[test]

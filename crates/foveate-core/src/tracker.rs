@@ -125,6 +125,7 @@ impl Tracker {
         sensor.begin(picture)?;
         look(&mut self.preprocessor, &mut self.ensemble, sensor.seen());
         let detections = self.preprocessor.detections();
+        self.ensemble.set_dropped(self.times.take_dropped());
         let seen = self.ensemble.step(World::Sensor { sensor, source: picture, detections })?;
         *self.last = Some(seen.without_views());
         Ok(seen)
@@ -156,6 +157,7 @@ impl Tracker {
     fn step<'a>(&'a mut self, image: &'a Image, detections: Option<&'a [Detection]>) -> Result<Seen<'a>> {
         look(&mut self.preprocessor, &mut self.ensemble, image);
         let detections = detections.unwrap_or(self.preprocessor.detections());
+        self.ensemble.set_dropped(self.times.take_dropped());
         let seen = self.ensemble.step_on(Scene { image, detections });
         // Camera motion and detectors read whole pictures.
         let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { seen.values };
@@ -208,11 +210,11 @@ impl Tracker {
     }
 
     /// Sets the time of the next picture in seconds, from any origin. If the interval since the last picture is several times the usual
-    /// one, frames were dropped: the particles then move for as many frames of the dynamics, 30 more at
-    /// most. At a constant rate nothing changes, bit for bit.
+    /// one, frames were dropped: the particles then move for as many frames more, at most 30. Intervals count in whole frames, from the
+    /// ninth on. At a constant rate nothing changes, bit for bit; nor does anything with dynamics of your own that have no
+    /// [`Dynamics::moments`](crate::extend::Dynamics::moments).
     pub fn set_time(&mut self, seconds: f64) {
-        let dropped = self.times.advance(seconds);
-        self.ensemble.set_dropped(dropped);
+        self.times.advance(seconds);
     }
 
     /// Shows a picture without tracking to the detector and the camera motion, which compare pictures: one before the target is given, or

@@ -187,7 +187,8 @@ fn the_first_layer_is_trained_and_goes_on_from_what_was_saved() {
     assert!(error.contains("encoder.kind"), "{error}");
 }
 
-/// A square moves by 3 px a frame, and seven frames are dropped. With their times the prediction is at its place; without, one frame on.
+/// A square moves by 3 px a frame, and seven frames are dropped. With their times the prediction is at its place, also in a tracker that
+/// was saved between time and picture; without, one frame on.
 #[test]
 fn a_target_is_expected_at_its_place_after_dropped_frames() {
     let at = |t: usize| BBox::new(10.0 + 3.0 * t as f64, 30.0, 24.0, 24.0);
@@ -202,7 +203,7 @@ fn a_target_is_expected_at_its_place_after_dropped_frames() {
         };
         Image::from_grey8(200, 90, &(0..200 * 90).map(pixel).collect::<Vec<_>>()).expect("200 x 90")
     };
-    let expected = |timed: bool| {
+    let expected = |timed: bool, saved: bool| {
         let config = Config::builtin("natural").expect("it ships").expect("it is right");
         let smooth = config.set("dynamics.damping=1").expect("a setting that is right");
         let mut tracker = Tracker::new(&smooth).expect("parts that fit");
@@ -212,12 +213,19 @@ fn a_target_is_expected_at_its_place_after_dropped_frames() {
             if timed {
                 tracker.set_time(t as f64 / 30.0);
             }
+            if saved && t == 28 {
+                let state = tracker.save();
+                tracker = Tracker::new(&smooth).expect("parts that fit");
+                tracker.load(&state).expect("its own settings");
+                tracker.skip(&picture(19)).expect("a picture in memory"); // camera motion compares pictures
+            }
             let image = picture(t);
             let seen = tracker.update(&image).expect("a picture of the first size");
             mean = seen.particles.iter().map(|s| s.x).sum::<f64>() / seen.particles.len() as f64;
         }
         mean - at(28).centre().0
     };
-    let (with, without) = (expected(true), expected(false));
+    let (with, without) = (expected(true, false), expected(false, false));
+    assert_eq!(with, expected(true, true), "saved between time and picture");
     assert!(with.abs() < 4.0 && without < -12.0, "{with} px with times, {without} px without");
 }
