@@ -25,7 +25,8 @@ pub struct Filter {
     pub(super) camera_motion: Option<CameraMotion>,
     pub(super) detection_likelihood: Option<DetectionLikelihood>,
     pub(super) redetection: Option<Redetection>,
-    pub(super) local_search: Option<LocalSearch>,
+    /// Many targets have none: a box keeps each small.
+    pub(super) local_search: Option<Box<LocalSearch>>,
     /// Frames that were dropped before the next one.
     pub(super) dropped: usize,
     pub(super) state: FilterState,
@@ -124,7 +125,7 @@ impl Filter {
 
     /// Sets the search around the estimate for a target that has moved abruptly.
     pub fn with_local_search(self, local_search: Option<LocalSearch>) -> Self {
-        Self { local_search, ..self }
+        Self { local_search: local_search.map(Box::new), ..self }
     }
 
     /// Returns whether detections move or weigh particles.

@@ -75,7 +75,7 @@ impl Filter {
         monitor: &mut Monitor,
         (streams, t): (Streams, u64),
     ) -> bool {
-        let (Some(search), Some(around)) = (self.local_search.as_mut(), monitor.distractors.as_mut()) else {
+        let (Some(search), Some(around)) = (self.local_search.as_deref_mut(), monitor.distractors.as_mut()) else {
             return false;
         };
         let (expected, target) = (belief.expected, view.target);
@@ -140,7 +140,7 @@ impl Filter {
         found: Distractors,
         streams: Streams,
     ) -> Distractors {
-        let Some(search) = self.local_search.as_mut() else { return found };
+        let Some(search) = self.local_search.as_deref_mut() else { return found };
         let estimate = belief.belief().mean();
         let is_doubtful = monitor.loss.last().own >= search.settings().doubt;
         let aside = is_doubtful && set_short_term_aside(view.appearance, true);

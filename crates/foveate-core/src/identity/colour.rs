@@ -106,7 +106,7 @@ pub struct Colour {
     /// The same as [`Integral`] sums it.
     parts: Vec<u16>,
     /// Made when it is needed first.
-    broad: Option<Broad>,
+    broad: Option<Box<Broad>>,
     pub(super) counts: Counts,
 }
 
@@ -191,7 +191,8 @@ impl Colour {
     /// Writes how far the colours at each state are from those of the target in frame 1, in broad bins, which mixed colours hardly change: 0
     /// on the target, 1 without contrast. Returns false, and writes nothing, if the target has the colours of its surroundings.
     pub fn broad_distances(&mut self, image: &Image, states: &[State], extent: Extent, out: &mut [f64]) -> bool {
-        let broad = self.broad.get_or_insert_with(|| Broad::of([&self.state.first.target, &self.state.first.around]));
+        let broad =
+            self.broad.get_or_insert_with(|| Box::new(Broad::of([&self.state.first.target, &self.state.first.around])));
         broad.distances(image, states, extent, &mut self.counts.bins, out)
     }
 
