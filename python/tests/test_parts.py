@@ -51,7 +51,7 @@ def test_exp3_finds_the_best_arm(implicit: bool) -> None:
 
 def test_bandits_say_what_is_wrong_and_can_be_pickled() -> None:
     exp3 = bandits.Exp3(3)
-    with pytest.raises(foveate.InputError, match="ask first"):
+    with pytest.raises(foveate.InputError, match="call ask once before each tell"):
         exp3.tell(0, 0.5)
     arm = exp3.ask()
     with pytest.raises(foveate.InputError, match=f"arm that ask returned, {arm}"):

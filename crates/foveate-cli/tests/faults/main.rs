@@ -136,7 +136,7 @@ fn a_live_run_on_a_full_disk_keeps_its_lines() {
     assert_eq!((place.lines("cut/boxes.txt"), place.lines("cut/track.csv")), (4, 11));
     // The list of files cannot be written either.
     let said = run("full", "write:9+", 10 * frame);
-    let (_, folder) = said.trim().rsplit_once("lies in ").expect("where it is");
+    let (_, folder) = said.trim().rsplit_once("of this run are in ").expect("where it is");
     assert_eq!(
         (place.lines(&format!("{folder}/boxes.txt")), place.lines(&format!("{folder}/track.csv"))),
         (4, 5),

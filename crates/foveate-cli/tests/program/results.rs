@@ -59,7 +59,7 @@ fn a_mistake_leaves_an_earlier_run_as_it_was() {
     // The second frame breaks: nothing was tracked, and nothing is replaced.
     std::fs::write(place.path("video/img/0002.png"), "broken").expect("a writable folder");
     let output = place.track("out", &["video"]);
-    assert!(!output.status.success() && errors(&output).contains("left as it was"), "{}", errors(&output));
+    assert!(!output.status.success() && errors(&output).contains("is unchanged"), "{}", errors(&output));
     assert!(files(&place, "out") == before && place.names("") == beside);
     // Where the sixth one breaks, the frames before are kept, and a warning reports that the rest is missing.
     std::fs::copy(place.path("video/img/0003.png"), place.path("video/img/0002.png")).expect("a picture");

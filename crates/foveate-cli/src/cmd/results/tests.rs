@@ -128,7 +128,7 @@ fn a_finished_run_stays_where_a_new_one_lost_a_file() {
     }
     run(&out, &["boxes.txt", "film.mp4"], "good").expect("a finished run");
     let error = with_loss();
-    assert!(error.contains("out/film.mp4: no space; run it again") && error.contains("left as it was"), "{error}");
+    assert!(error.contains("out/film.mp4: no space; run it again") && error.contains("is unchanged"), "{error}");
     assert_eq!((read(&out, "boxes.txt").as_str(), read(&out, "film.mp4").as_str()), ("good", "good"));
     let beside = names(place.path());
     assert!(beside[1].starts_with("out.unplaced-"), "{beside:?}");
