@@ -106,6 +106,7 @@ impl Tracker {
         self.preprocessor.look(image);
         self.shape = Some(picture.shape());
         self.ensemble.init(image, bbox)?;
+        self.times.take_dropped();
         *self.last = Some(Seen::given(picture.shape(), &bbox));
         Ok(())
     }
@@ -262,6 +263,7 @@ impl Tracker {
         }
         bbox.check()?;
         self.ensemble.reset_at(&bbox);
+        self.times.take_dropped();
         let state = self.ensemble.first().state_at(&bbox);
         let place = |last: Seen<'static>| Seen { extent: last.extent, state, ..Seen::given(last.shape, &bbox) };
         *self.last = self.last.map(place);
@@ -364,6 +366,24 @@ mod tests {
             let image = picture();
             let values = tracker.update(&image).expect("a picture of that size").values;
             assert_eq!(values == 100 * 100, all, "{values} values with flow {flow:?}");
+        }
+    }
+
+    /// The target is where a given box is: frames that were dropped before it move nothing.
+    #[test]
+    fn a_given_box_ends_the_dropped_frames_before_it() {
+        let mut tracker = Tracker::from_parts(parts(Toy::at(50.0)), Preprocessor::new(None, None), 1);
+        tracker.init(&picture(), target(50.0)).expect("a box in the picture");
+        (0..9).for_each(|t| tracker.set_time(f64::from(t)));
+        for (time, is_new) in [(20.0, true), (30.0, false)] {
+            tracker.set_time(time);
+            assert!(tracker.times.clone().take_dropped() > 5);
+            if is_new {
+                tracker.init(&picture(), target(50.0)).expect("a box in the picture");
+            } else {
+                tracker.reset_at(target(40.0)).expect("a box");
+            }
+            assert_eq!(tracker.times.take_dropped(), 0);
         }
     }
 

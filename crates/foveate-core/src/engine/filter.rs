@@ -136,7 +136,6 @@ impl Filter {
     /// Draws all particles anew around a state.
     pub(super) fn spread(&mut self, state: &State, extent: Extent, streams: Streams) {
         self.state.waiting = None;
-        self.dropped = 0;
         self.start.draw(state, extent, &mut self.state.particles, streams);
         let even = -(self.state.particles.len() as f64).ln();
         self.state.log_weights.fill(even);
