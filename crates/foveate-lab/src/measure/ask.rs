@@ -1,5 +1,7 @@
 //! The frames at which a person should look, because the target may be lost or its position is doubtful.
 
+use foveate_core::seen::credible;
+
 use super::smooth::median;
 use super::track::Position;
 
@@ -9,8 +11,8 @@ const P_LOST: f64 = 0.2;
 const REGION: f64 = 3.0;
 /// Doubtful frames at most so far apart are one stretch.
 const NEAR: usize = 5;
-/// Radius of the 90 % region of a normal distribution in the plane, standard deviations of its longest axis.
-const RADIUS: f64 = 2.146;
+/// The share of probability in a region.
+const SHARE: f64 = 0.9;
 
 /// A stretch of doubtful frames, counted from 1.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,7 +68,7 @@ pub(super) fn ask(track: &[Position], leaps: &[usize]) -> Vec<Ask> {
 /// Returns the radius of the 90 % region of a covariance (xx, xy, yy): that of its longest axis.
 fn radius([xx, xy, yy]: [f64; 3]) -> f64 {
     let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
-    RADIUS * (mean + half.hypot(xy)).max(0.0).sqrt()
+    (credible(SHARE) * (mean + half.hypot(xy)).max(0.0)).sqrt()
 }
 
 /// Returns ask.csv.
@@ -103,7 +105,10 @@ mod tests {
         let asks = ask(&track, &[10]);
         let all: Vec<_> = asks.iter().map(|ask| (ask.frame, ask.stretch, ask.reason)).collect();
         assert_eq!(all, [(28, [21, 28], "lost"), (11, [11, 11], "leap"), (51, [51, 51], "region")]);
-        assert!(asks[2].region.is_some_and(|radius| (radius - 2.146).abs() < 1e-9), "the longest axis: {asks:?}");
+        assert!(
+            asks[2].region.is_some_and(|radius| (radius - credible(0.9).sqrt()).abs() < 1e-9),
+            "the longest axis: {asks:?}"
+        );
         assert_eq!(csv(&asks).lines().nth(1), Some("1,28,21,28,0.9,0.43,lost"));
         assert!(ask(&track[..20], &[]).is_empty());
     }
