@@ -14,6 +14,7 @@ from ._draw import draw
 from ._export import export
 from ._foveate import MultiTracker, Tracker, Video, configurations, set_max_memory, set_threads
 from ._foveate import __VERSION__ as __version__
+from ._measure import Measurement, measure
 from ._multi import Targets
 from ._result import Result
 from ._show import Run
@@ -26,6 +27,7 @@ __all__ = [
     "Error",
     "FileError",
     "InputError",
+    "Measurement",
     "MultiTracker",
     "Region",
     "Result",
@@ -38,6 +40,7 @@ __all__ = [
     "configurations",
     "draw",
     "export",
+    "measure",
     "set_max_memory",
     "set_threads",
 ]

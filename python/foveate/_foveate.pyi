@@ -491,6 +491,16 @@ def export_boxes(
     """Writes the boxes of a video with this number of pictures. Returns one sentence for each kind of information that the format does not
     hold.
     """
+def measure_tracks(
+    points: Sequence[tuple[str, Sequence[tuple[Any, ...]]]],
+    ruler: tuple[Sequence[float], float, float] | None,
+    origin: tuple[float, float] | None,
+    angle: float,
+    clock: tuple[float, float] | None,
+    fits: Sequence[str],
+    lens: str | PathLike[str] | None,
+) -> list[dict[str, Any]]:
+    """Measures the motion of points: one dictionary of the fields of `foveate.Measurement` for each."""
 def select(weights: _Floats, count: int, scheme: str, seed: int, step: int) -> npt.NDArray[np.int64]:
     """For each of `count` places of the next step, the index of the particle that takes it; ascending."""
 def learn_fit(kind: str, recipe: str, x: _Singles) -> dict[str, _Singles]:

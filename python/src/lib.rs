@@ -12,6 +12,7 @@ mod export;
 mod held;
 mod learn;
 mod making;
+mod measure;
 mod multi;
 mod named;
 mod parts;
@@ -37,6 +38,8 @@ mod _foveate {
     use crate::export::export_boxes;
     #[pymodule_export]
     use crate::learn::{learn_codes, learn_fit, learn_scores, softmax_fit};
+    #[pymodule_export]
+    use crate::measure::measure_tracks;
     #[pymodule_export]
     use crate::multi::{_restore_multi, PyMultiTracker};
     #[pymodule_export]

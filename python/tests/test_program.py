@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import signal
 import struct
@@ -70,6 +71,51 @@ def test_a_drawn_sequence_has_the_boxes_of_the_program(pictures: Any, tmp_path: 
     assert from_python(pictures, FIRST, seed=2) == tracked(tmp_path, tmp_path / "video", FIRST, "two", "--seed", "2")
     for read, picture in zip(foveate.Video(tmp_path / "video", channels="bgr"), pictures):
         np.testing.assert_array_equal(read, picture[..., ::-1])
+
+
+def test_measurements_are_those_of_the_program(pictures: Any, tmp_path: Path) -> None:
+    (tmp_path / "video").mkdir()
+    for t, picture in enumerate(pictures):
+        write_png(tmp_path / "video" / f"{t + 1:04}.png", picture)
+    done = program(
+        "measure", "video", "--init", "41,31,24,24", "--init", "6,9,30,30", "--names", "ball,wall", "--no-video", "--no-report",
+        "--ruler", "1,1,101,1=1.5+-0.01m", "--origin", "21,11", "--angle", "10", "--fps", "50+-0.5", "--fit", "line:x",
+        "--fit", "parabola:y:0.1-0.4", cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    points = foveate.measure(
+        foveate.Video(tmp_path / "video"), {"ball": FIRST, "wall": (5, 8, 30, 30)}, ruler=(0, 0, 100, 0, 1.5, 0.01), origin=(20, 10),
+        angle=10, fps=(50, 0.5), fit=["line:x", "parabola:y:0.1-0.4"],
+    )  # fmt: skip
+    wanted = json.loads((tmp_path / "out" / "fits.json").read_text())["fits"]
+    with (tmp_path / "out" / "measure.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for name, measured in points.items():
+        mine = [row for row in rows if row["point"] == name]
+        assert len(mine) == len(measured.frame) == len(pictures)
+        units = {"position": ("", "m"), "velocity": ("v", "m/s"), "acceleration": ("a", "m/s^2")}
+        for field, (prefix, unit) in units.items():
+            for start in ("", "sd_"):
+                table = [[float(row[f"{start}{prefix}{axis} ({unit})"]) for axis in "xy"] for row in mine]
+                np.testing.assert_array_equal(getattr(measured, start + field), table)
+        tracked = [[float(row[f"tracked_{axis} (m)"] or "nan") for axis in "xy"] for row in mine]
+        np.testing.assert_array_equal(measured.tracked, tracked)
+        np.testing.assert_array_equal(measured.time, [float(row["t (s)"]) for row in mine])
+        np.testing.assert_array_equal(measured.p_lost, [float(row["p_lost"]) for row in mine])
+        assert measured.status == [row["status"] for row in mine]
+        assert [int(row["frame"]) - 1 for row in mine] == measured.frame.tolist()
+        fits = [fit for fit in wanted if fit["point"] == name]
+        assert len(fits) == len(measured.fits) == 2
+        for fit, got in zip(fits, measured.fits):
+            assert (fit["fit"], fit["t0"], fit["rms"], fit["points"]) == (got.fit, got.t0, got.rms, got.points)
+            values = {v["name"]: (v["value"], v["error"], tuple(v["interval"]), v["unit"]) for v in fit["values"]}
+            assert values == {key: tuple(value) for key, value in got.values.items()}
+    assert 2.0 < points["ball"].fits[0].values["v"].value < 2.4, "3 px to the right and 1 px down a picture, axes turned by 10 degrees"
+    single = foveate.measure(pictures, FIRST, fps=25)
+    assert single.unit == "px" and single.position.shape == (len(pictures), 2) and not single.fits
+    for wrong in ({}, {"fps": 0.0}, {"fps": 25, "fit": "cubic:y"}, {"fps": 25, "ruler": (1, 1, 1, 1, 1.0)}, {"fps": 25, "ruler": (1, 1)}):
+        with pytest.raises(foveate.InputError):
+            foveate.measure(pictures, FIRST, **wrong)
 
 
 @pytest.mark.parametrize("name", ["Crossing", "Couple", "Car1"])

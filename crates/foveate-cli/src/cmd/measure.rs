@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use foveate::BBox;
-use foveate::lab::measure::{self, Axes, Clock, Curve, FitRequest, Lens, Ruler, Settings};
+use foveate::lab::measure::{self, Axes, Clock, FitRequest, Lens, Ruler, Settings, Track};
+use foveate::text::counted;
 use foveate::{Error, Result};
 
 use super::convert::Format;
@@ -13,8 +14,10 @@ use super::track::init::parse_box;
 
 /// Help text on the results.
 const FILES: &str = "\
+Several --init measure several points; each is tracked on its own.
+
 The output folder also has measure.csv (times, positions, velocities and accelerations with their standard errors), fits.json, ask.csv
-(the frames to look at) and measure.html. All points, origins and boxes count pixels from 1. y points up. Results of a fit have the errors of tracking, scale and clock.
+(the frames to look at), measure.html, and measure.trk for Tracker (Open Source Physics). All points, origins and boxes count pixels from 1. y points up. Results of a fit have the errors of tracking, scale and clock.
 
 Example: foveate measure ball.mp4 --init 310,40,28,28 --ruler 100,60,100,460=1.000+-0.002m --fit parabola:y";
 
@@ -28,7 +31,10 @@ pub(crate) struct MeasureArgs {
     /// Without it lengths are in pixels
     #[arg(long, value_name = "X1,Y1,X2,Y2=LENGTH[+-ERROR][UNIT]", value_parser = parse_ruler, allow_hyphen_values = true)]
     ruler: Option<Ruler>,
-    /// Origin of the coordinates. Default: the target's first position
+    /// Names of the points in the results, in the order of --init. Default: 1, 2, ...
+    #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
+    names: Vec<String>,
+    /// Origin of the coordinates. Default: the first position of the first point
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     origin: Option<(f64, f64)>,
     /// Direction of the x axis, degrees anticlockwise from the picture's right
@@ -39,7 +45,7 @@ pub(crate) struct MeasureArgs {
     fps: Option<Clock>,
     /// Fit a curve to x or y: line, parabola (y: g), sine (period), damped, exponential or drag (y: g), over all times or a range in
     /// seconds, such as parabola:y:0.10-0.45. Repeatable
-    #[arg(long, value_name = "CURVE:x|y[:FROM-TO]", value_parser = parse_fit)]
+    #[arg(long, value_name = "CURVE:x|y[:FROM-TO]")]
     fit: Vec<FitRequest>,
     /// Moving camera: a box in the first frame around a thing at rest. It is tracked too, and positions are relative to it
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_box, allow_hyphen_values = true)]
@@ -63,6 +69,7 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
     let MeasureArgs {
         track: file,
         ruler,
+        names,
         origin,
         angle,
         fps: clock,
@@ -75,12 +82,13 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
     } = args;
     let lens = calibration.as_deref().map(Lens::read).transpose()?;
     let settings = Settings { axes: Axes { ruler, origin, angle }, lens, clock, fits };
+    let names = named(names, if file.is_some() { 1 } else { run.init.len().max(1) })?;
     let Some(file) = file else {
         if let Some((path, format)) = keyframes.as_ref().zip(format) {
             run.start_at_key_frames(path, format)?;
         }
         let inputs = keyframes.into_iter().chain(calibration).collect();
-        run.measure = Some(track::Measure { settings, reference, inputs });
+        run.measure = Some(track::Measure { settings, names, reference, inputs });
         return track::run(run);
     };
     let folder = &run.out;
@@ -89,12 +97,29 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
             [Some(&file), calibration.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
         spare(&folder.join(name), &inputs)?;
     }
-    let measured = measure::measure(&measure::read(&file)?, None, &settings).map_err(super::of_file(&file))?;
+    let positions = measure::read(&file)?;
+    let points: Vec<Track> = names.into_iter().map(|name| Track { name, positions: positions.clone() }).collect();
+    let measured = measure::measure(&points, None, &settings).map_err(super::of_file(&file))?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
     measure::write(folder, &file.display().to_string(), &measured)?;
-    measured.text().iter().for_each(|line| say!("{line}"));
+    measure::text(&measured).iter().for_each(|line| say!("{line}"));
     say!("{}: {}", folder.display(), measure::FILES.join(", "));
     Ok(())
+}
+
+/// Returns the names of so many points: those given, or their numbers.
+fn named(names: Vec<String>, count: usize) -> Result<Vec<String>> {
+    if names.is_empty() {
+        return Ok((1..=count).map(|k| k.to_string()).collect());
+    }
+    let (points, given) = (counted(count, "point"), counted(names.len(), "name"));
+    if names.len() != count {
+        return Err(Error::Invalid(format!("--names: {given} for {points}; give one for each --init")));
+    }
+    if let Some(name) = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name)) {
+        return Err(Error::Invalid(format!("--names: two points are named {name:?}; give each its own")));
+    }
+    Ok(names)
 }
 
 type Parsed<T> = std::result::Result<T, String>;
@@ -146,29 +171,6 @@ fn parse_clock(text: &str) -> Parsed<Clock> {
     value_with_error(text).map(|(rate, error)| Clock { rate, error }).ok_or_else(wrong)
 }
 
-fn parse_fit(text: &str) -> Parsed<FitRequest> {
-    let parsed = || {
-        let mut parts = text.split(':');
-        let (name, axis, range) = (parts.next()?, parts.next()?, parts.next());
-        let (_, curve) = *Curve::ALL.iter().find(|(known, _)| *known == name)?;
-        let axis = measure::AXES.iter().position(|known| *known == axis)?;
-        let range = match range {
-            None => None,
-            Some(range) => {
-                let (from, to) = range.split_once('-')?;
-                let ([from], [to]) = (numbers(from)?, numbers(to)?);
-                Some((from, to)).filter(|_| from < to)
-            }
-            .map(Some)?,
-        };
-        parts.next().is_none().then_some(FitRequest { curve, axis, range })
-    };
-    let known = Curve::ALL.map(|(name, _)| name).join(", ");
-    parsed().ok_or_else(|| {
-        format!("expected CURVE:x or CURVE:y, with :FROM-TO for a range; the curves are {known}; got \"{text}\"")
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -181,14 +183,8 @@ mod tests {
         assert!((scale("0,0,3,4=2ft").metres - 0.12192).abs() < 1e-12);
         assert_eq!(parse_clock("240±0.5"), Ok(Clock { rate: 240.0, error: 0.5 }));
         assert_eq!(parse_point("1,2"), Ok((0.0, 1.0)));
-        let fit = FitRequest { curve: Curve::Parabola, axis: 1, range: Some((0.1, 0.45)) };
-        assert_eq!(parse_fit("parabola:y:0.1-0.45"), Ok(fit));
-        assert_eq!(parse_fit("sine:x").map(|fit| fit.range), Ok(None));
         for wrong in ["1,1,1,1=1m", "1,2,3=1m", "1,2,3,4", "1,2,3,4=-1m", "1,2,3,4=1lightyear"] {
             assert!(parse_ruler(wrong).is_err(), "{wrong}");
-        }
-        for wrong in ["cubic:y", "line", "line:z", "line:x:2-1", "line:x:1-2:3"] {
-            assert!(parse_fit(wrong).is_err(), "{wrong}");
         }
         assert!(parse_clock("0").is_err() && parse_clock("30+-x").is_err() && parse_point("1").is_err());
     }

@@ -62,13 +62,13 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
     let (results, failed) = (job.begin_results()?, FailedOutputs::default());
     let mut observers = job.outputs.observers(results.folder(), &job.info, &failed)?;
     let lines = measured.as_ref().map(|measured| measured.lines.clone()).unwrap_or_default();
-    if let Some(measured) = measured {
-        observers.push(measured.observer(results.folder(), source, &failed)?);
-    }
     let (began, tiles, Started { mut source, counts }) = (Instant::now(), opened.tiles.clone(), opened.start());
     if let Some(stream) = job.stream {
         let stream = stream.observer(counts.meter.clone(), source.remarks())?;
         observers.insert(0, Box::new(if job.outputs.many { stream.of_many() } else { stream }));
+    }
+    if let Some(measured) = measured {
+        observers = measured.observers(observers, (results.folder(), job.source), &failed)?;
     }
     let bar = terminal::progress(job.frames.total(&job.about), "tracking");
     let mut next_frame = job.frames.from;

@@ -13,12 +13,13 @@ fn a_video_and_its_track_give_the_same_measurement() {
     assert!(output.status.success(), "{}", errors(&output));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(said.contains("line:x") && said.contains("  v = ") && said.contains("m/s (95 %:"), "{said}");
-    let names = ["ask.csv", "boxes.txt", "fits.json", "measure.csv", "measure.html", "run.json", "track.csv"];
+    let names =
+        ["ask.csv", "boxes.txt", "fits.json", "measure.csv", "measure.html", "measure.trk", "run.json", "track.csv"];
     assert_eq!(place.names("out"), names);
     assert_eq!(place.lines("out/measure.csv"), FRAMES + 1);
     let again = run(&["--track", "out/track.csv", "-o", "again"]);
     assert!(again.status.success(), "{}", errors(&again));
-    for name in ["measure.csv", "fits.json", "ask.csv"] {
+    for name in ["measure.csv", "fits.json", "ask.csv", "measure.trk"] {
         assert!(place.read(&format!("out/{name}")) == place.read(&format!("again/{name}")), "{name}");
     }
     // A thing that moves with the target takes its motion away.
@@ -32,6 +33,69 @@ fn a_video_and_its_track_give_the_same_measurement() {
         fits["fits"][0]["values"][1]["value"].as_f64().expect("a speed").abs()
     };
     assert!(speed("relative") < 0.3 * speed("out"), "{} {}", speed("relative"), speed("out"));
+}
+
+#[test]
+fn each_of_several_points_is_measured_as_on_its_own() {
+    let place = Place::new();
+    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let boxes = [truth.lines().next().expect("a box"), "5,8,24,20"];
+    let run = |args: &[&str]| {
+        let quick = ["measure", "video", "-c", "c.toml", "--no-video", "--no-report", "--origin", "11,21"];
+        let output = place.run(&[&quick[..], &UNITS[..], args].concat());
+        assert!(output.status.success(), "{}", errors(&output));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let said = run(&["--init", boxes[0], "--init", boxes[1], "--names", "ball,cart", "-o", "both"]);
+    assert!(said.contains("Point ball:") && said.contains("Point cart:"), "{said}");
+    let outputs = ["tracks.txt", "tracks.csv", "targets.csv", "measure.csv", "measure.trk"];
+    assert!(outputs.iter().all(|name| place.names("both").contains(&(*name).to_owned())), "{:?}", place.names("both"));
+    assert_eq!(place.lines("both/tracks.csv"), 2 * FRAMES + 1);
+    let rows = |folder: &str, name: &str| -> Vec<String> {
+        let text = String::from_utf8(place.read(&format!("{folder}/measure.csv"))).expect("text");
+        let of = |line: &str| line.strip_suffix(&format!(",{name}")).map(str::to_owned);
+        text.lines().filter_map(of).collect()
+    };
+    for (bbox, name) in boxes.into_iter().zip(["ball", "cart"]) {
+        run(&["--init", bbox, "-o", name]);
+        assert_eq!(rows("both", name).len(), FRAMES);
+        assert_eq!(rows("both", name), rows(name, "1"), "{name}");
+    }
+    // Tracker's file has the scale, the origin, the times and the points of track.csv.
+    let text = String::from_utf8(place.read("both/measure.trk")).expect("text");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed XML");
+    let named = |name: &str| -> Vec<roxmltree::Node<'_, '_>> {
+        xml.descendants().filter(|node| node.attribute("name") == Some(name)).collect()
+    };
+    let number =
+        |node: &roxmltree::Node<'_, '_>| node.text().and_then(|text| text.parse::<f64>().ok()).expect("a number");
+    let values = |name: &str| named(name).iter().map(number).collect::<Vec<_>>();
+    assert_eq!([values("xscale"), values("yscale")], [[100.0], [100.0]]);
+    assert_eq!([values("xorigin"), values("yorigin")], [[10.5], [20.5]]);
+    assert!((values("delta_t")[0] - 40.0).abs() < 1e-9, "{text}");
+    assert_eq!([values("starttime"), values("startframe")], [[0.0], [0.0]]);
+    assert_eq!(values("stepcount"), [FRAMES as f64]);
+    let names: Vec<_> = named("name").iter().filter_map(roxmltree::Node::text).collect();
+    assert_eq!(names, ["ball", "cart"]);
+    let points = named("framedata");
+    assert_eq!(points.len(), 3, "those of the axes and of two points");
+    let table = String::from_utf8(place.read("cart/track.csv")).expect("text");
+    let header: Vec<&str> = table.lines().next().expect("a header").split(',').collect();
+    let column = |name: &str| header.iter().position(|head| *head == name).expect("a column");
+    let (x, frame, usable) = (column("x"), column("frame"), column("usable"));
+    let mut compared = 0;
+    for line in table.lines().skip(1).map(|line| line.split(',').collect::<Vec<_>>()) {
+        let index = line[frame].parse::<usize>().expect("a frame") - 1;
+        let name = format!("[{index}]");
+        let found = points[2].children().find(|node| node.attribute("name") == Some(name.as_str()));
+        let of = |node: roxmltree::Node<'_, '_>| {
+            node.descendants().find(|node| node.attribute("name") == Some("x")).map(|node| number(&node))
+        };
+        let wanted = (line[usable] != "0").then(|| line[x].parse::<f64>().expect("x") + 0.5);
+        assert_eq!(found.and_then(of), wanted, "{index}");
+        compared += usize::from(wanted.is_some());
+    }
+    assert!(compared > FRAMES / 2, "{compared}");
 }
 
 /// A calibration as OpenCV writes it; `size` has the lines with the size of the pictures.
@@ -94,7 +158,13 @@ fn what_cannot_be_measured_is_refused() {
         assert!(!output.status.success() && errors(&output).contains(said), "{args:?}: {}", errors(&output));
         assert!(!place.path("none").exists(), "{args:?}");
     };
-    refused(&["video", "--init", "1,1,20,20", "--init", "40,40,20,20"], "one target");
+    let two = ["video", "--init", "1,1,20,20", "--init", "40,40,20,20"];
+    let refused_two = |more: &[&str], said: &str| refused(&[&two[..], more].concat(), said);
+    refused_two(&["--detect"], "--init");
+    refused_two(&["--names", "a"], "2 points");
+    refused_two(&["--names", "a,a"], "two points");
+    refused_two(&["--trace"], "--trace");
+    refused_two(&["--init", "5000,1,20,20"], "point 3");
     refused(&["video", "--reference", "5000,1,20,20"], "--reference");
     refused(&["video", "--track", "track.csv"], "cannot be used with");
     refused(&["--track", "nothing.csv"], "nothing.csv");

@@ -71,15 +71,14 @@ fn radius([xx, xy, yy]: [f64; 3]) -> f64 {
     (credible(SHARE) * (mean + half.hypot(xy)).max(0.0)).sqrt()
 }
 
-/// Returns ask.csv.
-pub(super) fn csv(asks: &[Ask]) -> String {
+/// Returns the lines of ask.csv of a point.
+pub(super) fn lines(asks: &[Ask], point: &str) -> String {
     let line = |(i, ask): (usize, &Ask)| {
         let (rank, region) = (i + 1, ask.region.map_or(String::new(), |radius| format!("{radius:.2}")));
         let Ask { frame, stretch: [from, to], p_lost, reason, .. } = ask;
-        format!("{rank},{frame},{from},{to},{p_lost},{region},{reason}\n")
+        format!("{rank},{frame},{from},{to},{p_lost},{region},{reason},{point}\n")
     };
-    let lines: String = asks.iter().enumerate().map(line).collect();
-    format!("rank,frame,from,to,p_lost,region (px),reason\n{lines}")
+    asks.iter().enumerate().map(line).collect()
 }
 
 #[cfg(test)]
@@ -109,7 +108,7 @@ mod tests {
             asks[2].region.is_some_and(|radius| (radius - credible(0.9).sqrt()).abs() < 1e-9),
             "the longest axis: {asks:?}"
         );
-        assert_eq!(csv(&asks).lines().nth(1), Some("1,28,21,28,0.9,0.43,lost"));
+        assert_eq!(lines(&asks, "ball").lines().next(), Some("1,28,21,28,0.9,0.43,lost,ball"));
         assert!(ask(&track[..20], &[]).is_empty());
     }
 }

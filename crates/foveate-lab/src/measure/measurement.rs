@@ -1,10 +1,9 @@
 //! A measurement: smoothed motion in units, and fits.
 
-use std::fmt::Write as _;
+use std::str::FromStr;
 
 use foveate_base::text::counted;
 use foveate_base::{Error, Result};
-use foveate_report::quoted;
 use serde::Serialize;
 
 use super::ask::{Ask, ask};
@@ -12,7 +11,7 @@ use super::fit::{Fitted, Point, fit, student};
 use super::lens::Lens;
 use super::models::Curve;
 use super::smooth::{Sample, Smoothed, Smoothing, median, smooth};
-use super::track::Position;
+use super::track::{Position, Track};
 use super::units::{Axes, Clock, unit, with_error};
 
 /// The smallest standard deviation of a position, pixels.
@@ -42,6 +41,30 @@ impl FitRequest {
     }
 }
 
+impl FromStr for FitRequest {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let numbers = |range: &str| {
+            let (from, to) = range.split_once('-')?;
+            let number = |n: &str| n.trim().parse().ok().filter(|n: &f64| n.is_finite());
+            number(from).zip(number(to)).filter(|(from, to)| from < to)
+        };
+        let parsed = || {
+            let mut parts = text.split(':');
+            let (name, axis, range) = (parts.next()?, parts.next()?, parts.next());
+            let (_, curve) = *Curve::ALL.iter().find(|(known, _)| *known == name)?;
+            let axis = AXES.iter().position(|known| *known == axis)?;
+            let range = range.map(|range| numbers(range).ok_or(())).transpose().ok()?;
+            parts.next().is_none().then_some(Self { curve, axis, range })
+        };
+        let known = Curve::ALL.map(|(name, _)| name).join(", ");
+        parsed().ok_or_else(|| {
+            format!("expected CURVE:x or CURVE:y, with :FROM-TO for a range; the curves are {known}; got \"{text}\"")
+        })
+    }
+}
+
 /// The names of the coordinates.
 pub const AXES: [&str; 2] = ["x", "y"];
 
@@ -67,6 +90,8 @@ pub struct Row {
     pub time: f64,
     /// The tracked coordinates; `None` if the target was lost or occluded.
     pub measured: Option<[f64; 2]>,
+    /// The tracked centre and the origin in this frame, pixels from 0, without the distortion of the lens.
+    pub pixels: [(f64, f64); 2],
     /// Smoothed x and y.
     pub smoothed: [Smoothed; 2],
     /// Probability that the target is lost, 0 to 1.
@@ -93,6 +118,8 @@ pub struct Value {
 /// The result of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fit {
+    /// The name of the point.
+    pub point: String,
     /// The request as on the command line.
     pub fit: String,
     /// The formula.
@@ -125,9 +152,15 @@ impl Fit {
     }
 }
 
-/// A measurement.
+/// The measurement of a point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measurement {
+    /// The name of the point.
+    pub point: String,
+    /// The coordinate system, without the distortion of the lens; its origin is known.
+    pub axes: Axes,
+    /// Whether the distortion of a lens was removed.
+    pub straightened: bool,
     /// Unit of length: m or px.
     pub unit: &'static str,
     /// Relative standard errors of all lengths and of all times.
@@ -144,23 +177,49 @@ pub struct Measurement {
     pub notes: Vec<String>,
 }
 
-/// Measures the motion of a track. Positions are relative to the reference track, if there is one: its frames must be those of the track.
+/// Measures the motion of points in common coordinates. Positions are relative to the reference track, if there is one. All tracks have
+/// the same frames. The first position of the first point is the origin, if none is given.
 ///
 /// # Errors
-/// There are too few positions, or times that do not increase; or the lens shows no point at an end of the ruler or at the origin.
-pub fn measure(track: &[Position], reference: Option<&[Position]>, settings: &Settings) -> Result<Measurement> {
-    if let Some(lens) = &settings.lens {
-        let straight = |track: &[Position]| -> Vec<Position> { track.iter().map(|p| lens.straighten(p)).collect() };
-        let (track, reference) = (straight(track), reference.map(straight));
-        let settings = Settings { axes: settings.axes.straighten(lens)?, lens: None, ..settings.clone() };
-        return measure(&track, reference.as_deref(), &settings);
+/// There is no point; a track has too few positions, or times that do not increase; or the lens shows no point at an end of the ruler or at
+/// the origin.
+pub fn measure(points: &[Track], reference: Option<&[Position]>, settings: &Settings) -> Result<Vec<Measurement>> {
+    let lens = settings.lens.as_ref();
+    let straight = |track: &[Position]| match lens {
+        Some(lens) => track.iter().map(|p| lens.straighten(p)).collect(),
+        None => track.to_vec(),
+    };
+    let axes = lens.map_or(Ok(settings.axes), |lens| settings.axes.straighten(lens))?;
+    let mut settings = Settings { axes, ..settings.clone() };
+    let reference = reference.map(straight);
+    let mut all: Vec<Measurement> = vec![];
+    for Track { name, positions } in points {
+        let measured = measure_point(name, &straight(positions), reference.as_deref(), &settings);
+        let measured = measured.map_err(|error| match points.len() {
+            1 => error,
+            _ => Error::Invalid(format!("point {name}: {error}")),
+        })?;
+        settings.axes = measured.axes;
+        all.push(measured);
     }
+    if all.is_empty() {
+        return Err(Error::Invalid("there is no point; there is nothing to measure".into()));
+    }
+    Ok(all)
+}
+
+/// Measures a track whose lens has no distortion, like that of the ruler and the origin.
+fn measure_point(
+    name: &str,
+    track: &[Position],
+    reference: Option<&[Position]>,
+    settings: &Settings,
+) -> Result<Measurement> {
     let usable = |k: usize| track[k].usable && reference.is_none_or(|other| other.get(k).is_some_and(|p| p.usable));
     let all: Vec<usize> = (0..track.len()).filter(|k| usable(*k)).collect();
     let (Some(&first), Some(&last)) = (all.first(), all.last()) else {
         return Err(Error::Invalid("the target was found in no frame; there is nothing to measure".into()));
     };
-    let axes = &settings.axes;
     let given = usual(track);
     let given_reference = reference.map_or([0.0; 3], usual);
     // Relative to the reference, which stays at its first position.
@@ -177,7 +236,8 @@ pub fn measure(track: &[Position], reference: Option<&[Position]>, settings: &Se
         covariance[2] = covariance[2].max(FINEST * FINEST);
         (centre, covariance)
     };
-    let origin = axes.origin.unwrap_or(place(first).0);
+    let origin = settings.axes.origin.unwrap_or(place(first).0);
+    let axes = &Axes { origin: Some(origin), ..settings.axes };
     let time = |position: &Position| match settings.clock {
         Some(clock) => (position.frame as f64 - 1.0) / clock.rate,
         None => position.time,
@@ -205,10 +265,17 @@ pub fn measure(track: &[Position], reference: Option<&[Position]>, settings: &Se
         let Smoothed { value, sd: [position, velocity, acceleration] } = smoothing[i].frames[k];
         Smoothed { value, sd: [position.hypot(persistent[i]), velocity, acceleration] }
     };
+    let moved = |k: usize| match (reference.and_then(|other| other.get(k)), start) {
+        (Some(position), Some(start)) => {
+            (origin.0 + position.centre.0 - start.0, origin.1 + position.centre.1 - start.1)
+        }
+        _ => origin,
+    };
     let row = |(k, position): (usize, &Position)| Row {
         frame: position.frame,
         time: time(position),
         measured: measured[k],
+        pixels: [position.centre, moved(first + k)],
         smoothed: [0, 1].map(|i| smoothed(i, k)),
         p_lost: position.p_lost,
         status: position.status.clone(),
@@ -223,7 +290,7 @@ pub fn measure(track: &[Position], reference: Option<&[Position]>, settings: &Se
         let points: Vec<Point> =
             of.filter_map(|(s, factor)| s.measured.map(|(y, variance)| (s.time, y, factor * variance))).collect();
         match fit(request.curve, &points) {
-            Ok(fitted) => fits.push(result(request, &points, &fitted, axes.unit(), relative)),
+            Ok(fitted) => fits.push(result(name, request, &points, &fitted, (axes.unit(), relative))),
             Err(problem) => notes.push(format!("No fit {}: {problem}.", request.name())),
         }
     }
@@ -234,7 +301,8 @@ pub fn measure(track: &[Position], reference: Option<&[Position]>, settings: &Se
         let places = counted(ask.len(), "place");
         notes.push(format!("Check {places} (ask.csv), first frame {frame} of {from} to {to}."));
     }
-    Ok(Measurement { unit: axes.unit(), relative, rows, smoothing, fits, ask, notes })
+    let (point, straightened) = (name.to_owned(), settings.lens.is_some());
+    Ok(Measurement { point, axes: *axes, straightened, unit: axes.unit(), relative, rows, smoothing, fits, ask, notes })
 }
 
 /// Returns the usual covariance of a track, for frames whose box was given.
@@ -243,7 +311,13 @@ fn usual(track: &[Position]) -> [f64; 3] {
     [known(0), 0.0, known(2)]
 }
 
-fn result(request: &FitRequest, points: &[Point], fitted: &Fitted, length: &'static str, relative: [f64; 2]) -> Fit {
+fn result(
+    point: &str,
+    request: &FitRequest,
+    points: &[Point],
+    fitted: &Fitted,
+    (length, relative): (&'static str, [f64; 2]),
+) -> Fit {
     let (curve, quantile) = (request.curve, student(fitted.freedom));
     // Standard error and 95 % half width: the data have a t distribution, scale and clock a normal one.
     let value = |name: &str, value: f64, variance: f64, exponents: (i32, i32)| {
@@ -269,6 +343,7 @@ fn result(request: &FitRequest, points: &[Point], fitted: &Fitted, length: &'sta
     let data: Vec<_> = points.iter().zip(&fitted.residuals).map(|(p, r)| (p.0, p.1, *r)).collect();
     let rms = (fitted.residuals.iter().map(|r| r * r).sum::<f64>() / points.len() as f64).sqrt();
     Fit {
+        point: point.to_owned(),
         fit: request.name(),
         formula: curve.formula(),
         t0: fitted.t0,
@@ -289,75 +364,6 @@ impl Value {
         let digits = (1 - self.error.log10().floor().clamp(-300.0, 300.0) as i32).max(0) as usize;
         let Self { name, value, error, unit, .. } = self;
         format!("{name} = {} {unit} (95 %: {low:.digits$} to {high:.digits$})", with_error(*value, *error))
-    }
-}
-
-impl Measurement {
-    /// Returns the names of the columns of measure.csv.
-    pub fn columns(&self) -> Vec<String> {
-        // Spreadsheets read ASCII without a hint.
-        let unit = |time: i32| unit(self.unit, (1, -time)).replace('²', "^2");
-        let mut names = vec!["frame".to_owned(), "t (s)".to_owned()];
-        for (time, prefix) in [(0, ""), (1, "v"), (2, "a")] {
-            names.extend(AXES.map(|axis| format!("{prefix}{axis} ({})", unit(time))));
-        }
-        for (time, prefix) in [(0, ""), (1, "v"), (2, "a")] {
-            names.extend(AXES.map(|axis| format!("sd_{prefix}{axis} ({})", unit(time))));
-        }
-        names.extend(AXES.map(|axis| format!("tracked_{axis} ({})", unit(0))));
-        names.extend(["p_lost".to_owned(), "status".to_owned()]);
-        names
-    }
-
-    /// Returns measure.csv.
-    pub fn csv(&self) -> String {
-        let mut text = self.columns().join(",") + "\n";
-        for row in &self.rows {
-            let _ = write!(text, "{},{}", row.frame, row.time);
-            for of in [|s: &Smoothed| s.value, |s: &Smoothed| s.sd] {
-                for i in 0..3 {
-                    for smoothed in &row.smoothed {
-                        let _ = write!(text, ",{}", of(smoothed)[i]);
-                    }
-                }
-            }
-            let tracked = row.measured.map_or(",,".to_owned(), |[x, y]| format!(",{x},{y}"));
-            let _ = writeln!(text, "{tracked},{},{}", row.p_lost, quoted(&row.status));
-        }
-        text
-    }
-
-    /// Returns fits.json.
-    pub fn json(&self) -> String {
-        let [scale, clock] = self.relative;
-        let value = serde_json::json!({
-            "unit": self.unit, "relative_error_of_scale": scale, "relative_error_of_clock": clock, "fits": self.fits, "notes": self.notes,
-        });
-        format!("{value:#}\n")
-    }
-
-    /// Returns the results as lines of text.
-    pub fn text(&self) -> Vec<String> {
-        let gaps = self.rows.iter().filter(|row| row.measured.is_none()).count();
-        let off = |i: usize| self.smoothing[i].inflation.iter().filter(|factor| **factor > 1.0).count();
-        let typical = |i: usize| median(self.rows.iter().map(|row| row.smoothed[i].sd[0]));
-        let mut lines = vec![format!(
-            "{} frames, {gaps} of them bridged, {} down-weighted; typical error of a position {:.2e} {unit} in x, {:.2e} {unit} in y.",
-            self.rows.len(),
-            off(0).max(off(1)),
-            typical(0),
-            typical(1),
-            unit = self.unit
-        )];
-        for fit in &self.fits {
-            lines.push(format!(
-                "{}: {}, t from {:.4} s, rms {:.2e} {}",
-                fit.fit, fit.formula, fit.t0, fit.rms, fit.unit
-            ));
-            lines.extend(fit.values.iter().map(|value| format!("  {}", value.text())));
-        }
-        lines.extend(self.notes.iter().cloned());
-        lines
     }
 }
 
@@ -386,7 +392,17 @@ pub(super) mod tests {
         (0..30).map(at).collect()
     }
 
-    fn settings() -> Settings {
+    /// The measurement of one point.
+    pub(in super::super) fn measured(
+        track: &[Position],
+        reference: Option<&[Position]>,
+        settings: &Settings,
+    ) -> Result<Measurement> {
+        let point = Track { name: "1".into(), positions: track.to_vec() };
+        measure(&[point], reference, settings).map(|mut all| all.remove(0))
+    }
+
+    pub(in super::super) fn settings() -> Settings {
         let ruler = Some(Ruler { ends: [(0.0, 0.0), (0.0, 400.0)], length: 4.0, error: 0.0 });
         let range = Some((0.1, 0.5));
         Settings {
@@ -405,7 +421,7 @@ pub(super) mod tests {
         for angle in [0.0, 30.0] {
             let mut settings = settings();
             settings.axes.angle = angle;
-            let measured = measure(&falling(angle), None, &settings).expect("a measurement");
+            let measured = measured(&falling(angle), None, &settings).expect("a measurement");
             let g = measured.fits[0].values.last().expect("g");
             assert_eq!((g.name.as_str(), g.unit.as_str()), ("g", "m/s²"));
             assert!((g.value - 9.81).abs() < 0.02 && g.interval[0] < 9.81 && 9.81 < g.interval[1], "{g:?}");
@@ -419,7 +435,7 @@ pub(super) mod tests {
     #[test]
     fn a_clock_scales_times_and_its_error_counts_twice_in_g() {
         let clock = Some(Clock { rate: 100.0, error: 1.0 });
-        let measured = measure(&falling(0.0), None, &Settings { clock, ..settings() }).expect("a measurement");
+        let measured = measured(&falling(0.0), None, &Settings { clock, ..settings() }).expect("a measurement");
         let g = measured.fits[0].values.last().expect("g");
         assert!((g.value - 4.0 * 9.81).abs() < 0.1, "twice the rate, four times g: {g:?}");
         assert!((g.error / g.value - 0.02).abs() < 0.001, "{g:?}");
@@ -437,28 +453,13 @@ pub(super) mod tests {
         let track: Vec<Position> = still.iter().enumerate().map(moved).collect();
         let fixed = |p: &Position| Position { centre: (200.0, 50.0), usable: true, ..p.clone() };
         let reference: Vec<Position> = still.iter().map(fixed).enumerate().map(|(k, p)| moved((k, &p))).collect();
-        let [plain, relative] = [measure(&still, None, &settings()), measure(&track, Some(&reference), &settings())]
+        let [plain, relative] = [measured(&still, None, &settings()), measured(&track, Some(&reference), &settings())]
             .map(|measured| measured.expect("a measurement"));
         for (a, b) in plain.rows.iter().zip(&relative.rows) {
             assert!((a.smoothed[1].value[0] - b.smoothed[1].value[0]).abs() < 1e-3);
         }
         let g = relative.fits[0].values.last().expect("g");
         assert!((g.value - 9.81).abs() < 0.02, "{g:?}");
-    }
-
-    #[test]
-    fn tables_have_units_and_a_cell_for_each_column() {
-        let measured = measure(&falling(0.0), None, &settings()).expect("a measurement");
-        let csv = measured.csv();
-        let columns: Vec<&str> = csv.lines().next().expect("a header").split(',').collect();
-        assert_eq!(
-            columns[..8],
-            ["frame", "t (s)", "x (m)", "y (m)", "vx (m/s)", "vy (m/s)", "ax (m/s^2)", "ay (m/s^2)"]
-        );
-        assert!(csv.lines().all(|line| line.split(',').count() == columns.len()) && csv.lines().count() == 31);
-        let json: serde_json::Value = serde_json::from_str(&measured.json()).expect("JSON");
-        assert_eq!(json["fits"][0]["values"][3]["name"], "g");
-        assert!(measured.text().iter().any(|line| line.contains("g = 9.8") && line.contains("m/s² (95 %: 9.7")));
     }
 
     /// The pictures of a lens that bends give, with its calibration, the fall without it; without, g is off.
@@ -476,7 +477,7 @@ pub(super) mod tests {
         settings.axes.ruler =
             settings.axes.ruler.map(|ruler| Ruler { ends: [bent(&(0.0, 0.0)), bent(&(0.0, 400.0))], ..ruler });
         let g = |lens: Option<Lens>| {
-            let measured = measure(&track, None, &Settings { lens, ..settings.clone() }).expect("a measurement");
+            let measured = measured(&track, None, &Settings { lens, ..settings.clone() }).expect("a measurement");
             measured.fits[0].values.last().expect("g").value
         };
         assert!((g(Some(lens)) - 9.81).abs() < 0.02, "{}", g(Some(lens)));
@@ -485,20 +486,26 @@ pub(super) mod tests {
 
     #[test]
     fn lost_frames_are_asked_for() {
-        let measured = measure(&falling(0.0), None, &settings()).expect("a measurement");
+        let measured = measured(&falling(0.0), None, &settings()).expect("a measurement");
         assert_eq!((measured.ask[0].stretch, measured.ask[0].reason), ([13, 14], "lost"));
         assert!(measured.notes.iter().any(|note| note.contains("first frame 13 of 13 to 14")), "{:?}", measured.notes);
     }
 
     #[test]
+    fn requests_are_read_or_refused() {
+        for text in ["parabola:y:0.1-0.45", "sine:x"] {
+            assert_eq!(text.parse::<FitRequest>().map(|fit| fit.name()), Ok(text.to_owned()));
+        }
+        for wrong in ["cubic:y", "line", "line:z", "line:x:2-1", "line:x:1-2:3"] {
+            assert!(wrong.parse::<FitRequest>().is_err_and(|problem| problem.contains("parabola")), "{wrong}");
+        }
+    }
+
+    #[test]
     fn a_fit_that_fails_is_a_note() {
         let fits = vec![FitRequest { curve: Curve::Sine, axis: 0, range: Some((0.1, 0.12)) }];
-        let measured = measure(&falling(0.0), None, &Settings { fits, ..settings() }).expect("a measurement");
-        assert!(
-            measured.fits.is_empty() && measured.notes[0].contains("No fit sine:x:0.1-0.12"),
-            "{:?}",
-            measured.notes
-        );
-        assert!(measure(&[], None, &settings()).expect_err("empty").to_string().contains("no frame"));
+        let failed = measured(&falling(0.0), None, &Settings { fits, ..settings() }).expect("a measurement");
+        assert!(failed.fits.is_empty() && failed.notes[0].contains("No fit sine:x:0.1-0.12"), "{:?}", failed.notes);
+        assert!(measured(&[], None, &settings()).expect_err("empty").to_string().contains("no frame"));
     }
 }

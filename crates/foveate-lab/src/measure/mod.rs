@@ -2,13 +2,13 @@
 //!
 //! | step | module |
 //! | --- | --- |
-//! | positions and covariances of a run, or of its track.csv | [`Position`], [`read`] |
+//! | positions and covariances of a run, or of its track.csv | [`Track`], [`Position`], [`read`] |
 //! | distortion of the lens | [`Lens`] |
 //! | pixels to metres, origin, axes, clock | [`Axes`], [`Ruler`], [`Clock`] |
 //! | frames to look at | [`Ask`] |
 //! | a fixed-interval smoother | [`smooth`] |
 //! | fits with parameter errors | [`fit`], [`Curve`] |
-//! | measure.csv, fits.json, ask.csv, measure.html | [`measure`], [`MeasureFiles`], [`write()`] |
+//! | measure.csv, fits.json, ask.csv, measure.html, measure.trk | [`measure`], [`MeasureFiles`], [`write()`] |
 
 mod ask;
 mod fit;
@@ -19,7 +19,9 @@ mod models;
 mod observer;
 mod page;
 mod smooth;
+mod tables;
 mod track;
+mod trk;
 mod units;
 
 pub use ask::Ask;
@@ -27,7 +29,8 @@ pub use fit::{Fitted, Point, fit, student};
 pub use lens::Lens;
 pub use measurement::{AXES, Fit, FitRequest, Measurement, Row, Settings, Value, measure};
 pub use models::{Curve, Parameter};
-pub use observer::{FILES, Lines, MeasureFiles, write};
+pub use observer::{FILES, Follower, Lines, MeasureFiles, write};
 pub use smooth::{FAR, FEWEST, Sample, Smoothed, Smoothing, smooth};
-pub use track::{Position, read};
+pub use tables::text;
+pub use track::{Position, Track, read};
 pub use units::{Axes, Clock, Ruler, Scale, unit, with_error};

@@ -10,13 +10,14 @@ use foveate_core::{Seen, Tracker};
 use foveate_report::Observer;
 use foveate_video::Frame;
 
-use super::ask::csv;
 use super::measurement::{Measurement, Settings, measure};
 use super::page::page;
-use super::track::Position;
+use super::tables::{ask_csv, csv, json, text};
+use super::track::{Position, Track};
+use super::trk::trk;
 
 /// The names of the files.
-pub const FILES: [&str; 4] = ["measure.csv", "fits.json", "ask.csv", "measure.html"];
+pub const FILES: [&str; 5] = ["measure.csv", "fits.json", "ask.csv", "measure.html", "measure.trk"];
 
 /// The lines of the results, which the observer adds at the end. Clones share them.
 #[derive(Clone, Debug, Default)]
@@ -29,85 +30,101 @@ impl Lines {
     }
 }
 
-/// Measures the only target of a run, and writes the files at its end.
+/// A tracker that follows a box in the frames of a run, beside the tracker of the run.
+#[derive(Debug)]
+pub struct Follower {
+    tracker: Tracker,
+    bbox: Option<BBox>,
+}
+
+impl Follower {
+    /// Follows the target that has this box in the first frame.
+    pub fn new(tracker: Tracker, bbox: BBox) -> Self {
+        Self { tracker, bbox: Some(bbox) }
+    }
+
+    /// Returns the target in the next frame.
+    ///
+    /// # Errors
+    /// The frame has another size than the first.
+    pub fn follow<'a>(&'a mut self, frame: &'a Frame) -> Result<Seen<'a>> {
+        self.tracker.set_time(frame.time);
+        match self.bbox.take() {
+            Some(bbox) => {
+                self.tracker.init(&frame.image, bbox)?;
+                Ok(Seen::given(frame.image.shape(), &bbox))
+            }
+            None => self.tracker.update(&frame.image),
+        }
+    }
+}
+
+/// Measures the targets of a run, and writes the files at its end.
 #[derive(Debug)]
 pub struct MeasureFiles {
     source: String,
     settings: Settings,
-    track: Vec<Position>,
-    reference: Option<Reference>,
+    points: Vec<Track>,
+    reference: Option<(Follower, Vec<Position>)>,
     sinks: Vec<Sink>,
     lines: Lines,
     finished: bool,
 }
 
-/// A second tracker, on a thing at rest.
-#[derive(Debug)]
-struct Reference {
-    tracker: Tracker,
-    bbox: Option<BBox>,
-    track: Vec<Position>,
-}
-
 impl MeasureFiles {
-    /// Starts the files in a folder. `source` is the name of the video.
+    /// Starts the files in a folder. `source` is the video; `names` are those of the targets, in their order.
     ///
     /// # Errors
     /// The folder cannot be written.
-    pub fn create(folder: &Path, source: String, settings: Settings, lines: Lines) -> Result<Self> {
+    pub fn create(folder: &Path, source: String, names: Vec<String>, settings: Settings, lines: Lines) -> Result<Self> {
         let sinks = FILES.into_iter().map(|name| Sink::create(folder.join(name))).collect::<Result<_>>()?;
-        Ok(Self { source, settings, track: vec![], reference: None, sinks, lines, finished: false })
+        let points = names.into_iter().map(|name| Track { name, positions: vec![] }).collect();
+        Ok(Self { source, settings, points, reference: None, sinks, lines, finished: false })
     }
 
-    /// Measures relative to a thing at rest, which this tracker follows from a box in the first frame.
+    /// Measures relative to a thing at rest.
     #[must_use]
-    pub fn relative_to(self, tracker: Tracker, bbox: BBox) -> Self {
-        Self { reference: Some(Reference { tracker, bbox: Some(bbox), track: vec![] }), ..self }
+    pub fn relative_to(self, reference: Follower) -> Self {
+        Self { reference: Some((reference, vec![])), ..self }
     }
 }
 
 impl Observer for MeasureFiles {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
-        let Some(seen) = targets.first() else { return Ok(()) };
-        self.track.push(Position::of(frame, seen));
-        if let Some(Reference { tracker, bbox, track }) = &mut self.reference {
-            tracker.set_time(frame.time);
-            let seen = match bbox.take() {
-                Some(bbox) => {
-                    tracker.init(&frame.image, bbox)?;
-                    Seen::given(frame.image.shape(), &bbox)
-                }
-                None => tracker.update(&frame.image)?,
-            };
-            track.push(Position::of(frame, &seen));
+        for (point, seen) in self.points.iter_mut().zip(targets) {
+            point.positions.push(Position::of(frame, seen));
+        }
+        if let Some((follower, track)) = &mut self.reference {
+            track.push(Position::of(frame, &follower.follow(frame)?));
         }
         Ok(())
     }
 
     fn finish(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.finished, true) {
-            let reference = self.reference.as_ref().map(|reference| &reference.track[..]);
-            let measured = measure(&self.track, reference, &self.settings)?;
-            for (sink, text) in self.sinks.iter_mut().zip(texts(&self.source, &measured)) {
+            let reference = self.reference.as_ref().map(|(_, track)| &track[..]);
+            let measured = measure(&self.points, reference, &self.settings)?;
+            for (sink, text) in self.sinks.iter_mut().zip(texts(&self.source, true, &measured)) {
                 sink.write(text.as_bytes())?;
             }
-            self.lines.0.lock().unwrap_or_else(PoisonError::into_inner).extend(measured.text());
+            self.lines.0.lock().unwrap_or_else(PoisonError::into_inner).extend(text(&measured));
         }
         self.sinks.iter_mut().map(Sink::finish).fold(Ok(()), Result::and)
     }
 }
 
-/// Writes the files of a measurement to a folder.
+/// Writes the files of a measurement to a folder. `source` is the name of the track.
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write(folder: &Path, source: &str, measured: &Measurement) -> Result<()> {
-    let mut files = FILES.into_iter().zip(texts(source, measured));
+pub fn write(folder: &Path, source: &str, points: &[Measurement]) -> Result<()> {
+    let mut files = FILES.into_iter().zip(texts(source, false, points));
     files.try_for_each(|(name, text)| files::write(folder.join(name), text.as_bytes()))
 }
 
-fn texts(source: &str, measured: &Measurement) -> [String; 4] {
-    [measured.csv(), measured.json(), csv(&measured.ask), page(source, measured)]
+fn texts(source: &str, is_video: bool, points: &[Measurement]) -> [String; 5] {
+    let video = is_video.then(|| Path::new(source));
+    [csv(points), json(points), ask_csv(points), page(source, points), trk(video, points)]
 }
 
 #[cfg(test)]
@@ -124,8 +141,10 @@ mod tests {
         let settings = Settings { axes: Axes::default(), ..Settings::default() };
         let tracker = || Tracker::new(Profile::Fast).expect("a tracker");
         let lines = Lines::default();
-        let files = MeasureFiles::create(dir.path(), "pan".into(), settings, lines.clone()).expect("writable");
-        let (mut files, mut target) = (files.relative_to(tracker(), BBox::new(20.0, 10.0, 24.0, 24.0)), tracker());
+        let names = vec!["1".into()];
+        let files = MeasureFiles::create(dir.path(), "pan".into(), names, settings, lines.clone()).expect("writable");
+        let reference = Follower::new(tracker(), BBox::new(20.0, 10.0, 24.0, 24.0));
+        let (mut files, mut target) = (files.relative_to(reference), tracker());
         for t in 0..16 {
             let pan = 2 * t;
             let squares = [(20 + pan, 10), (60 + pan + t, 60)];

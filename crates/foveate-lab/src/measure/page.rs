@@ -17,8 +17,21 @@ const SIZE: (f64, f64) = (640.0, 360.0);
 const MOST: usize = 2000;
 
 /// Returns the page of a measurement. `source` is the name of the video.
-pub(super) fn page(source: &str, measured: &Measurement) -> String {
-    let text = measured.text();
+pub(super) fn page(source: &str, points: &[Measurement]) -> String {
+    let first = match points {
+        [point] => point.text().swap_remove(0),
+        _ => format!("{} points, {} frames.", points.len(), points[0].rows.len()),
+    };
+    let body: String = points.iter().map(|point| cards(point, points.len() > 1)).collect();
+    document(&format!("Measurement of {source}"), &escape(&first), "", &body)
+}
+
+/// Returns the cards of a point; among several, their titles have its name.
+fn cards(measured: &Measurement, named: bool) -> String {
+    let title = |title: &str| match named {
+        true => format!("{}: {title}", measured.point),
+        false => title.to_owned(),
+    };
     let results = match &measured.fits[..] {
         [] => "<p>No fit. Add one with --fit, such as --fit parabola:y.</p>\n".to_owned(),
         fits => fits.iter().map(table).collect(),
@@ -32,7 +45,8 @@ pub(super) fn page(source: &str, measured: &Measurement) -> String {
             scrolled(&motion(measured, i, axis, &name), &format!("{name} over time with its 95 % band"))
         })
         .collect();
-    let fits: String = measured.fits.iter().map(charts).collect();
+    let fits: String =
+        measured.fits.iter().map(|fit| card(&title(&format!("Fit {}", fit.fit)), &charts(fit))).collect();
     let [scale, clock] = measured.relative.map(|error| 100.0 * error);
     let method = format!(
         "<p>Positions, velocities and accelerations come from all frames (Rauch-Tung-Striebel smoother, white jerk). Bands are 95 %. \
@@ -43,8 +57,8 @@ pub(super) fn page(source: &str, measured: &Measurement) -> String {
         measured.smoothing[0].correlation,
         measured.smoothing[1].correlation,
     );
-    let body = [card("Results", &(results + &notes)), fits, card("Motion", &motion), card("Method", &method)];
-    document(&format!("Measurement of {source}"), &escape(&text[0]), "", &body.concat())
+    let motion = card(&title("Motion"), &motion);
+    [card(&title("Results"), &(results + &notes)), fits, motion, card(&title("Method"), &method)].concat()
 }
 
 fn scrolled(svg: &str, label: &str) -> String {
@@ -106,8 +120,7 @@ fn charts(fit: &Fit) -> String {
     let data = chart(vec![curve, scatter(points().map(|p| (p.0, p.1)).collect())], &fit.fit, &label);
     let rest = format!("residual ({})", fit.unit);
     let residuals = chart(vec![zero, scatter(points().map(|p| (p.0, p.2)).collect())], "Residuals", &rest);
-    let drawn = scrolled(&data, "Data and fitted curve") + &scrolled(&residuals, "Residuals: data minus curve");
-    card(&format!("Fit {}", fit.fit), &drawn)
+    scrolled(&data, "Data and fitted curve") + &scrolled(&residuals, "Residuals: data minus curve")
 }
 
 fn chart(plots: Vec<Plot>, title: &str, y_label: &str) -> String {
@@ -122,15 +135,16 @@ fn chart(plots: Vec<Plot>, title: &str, y_label: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::measurement::{FitRequest, Settings, measure, tests::falling};
+    use super::super::measurement::tests::{falling, measured};
+    use super::super::measurement::{FitRequest, Settings};
     use super::super::models::Curve;
     use super::*;
 
     #[test]
     fn a_page_has_results_and_charts() {
         let fits = vec![FitRequest { curve: Curve::Parabola, axis: 1, range: None }];
-        let measured = measure(&falling(0.0), None, &Settings { fits, ..Settings::default() }).expect("a measurement");
-        let page = page("a<b.mp4", &measured);
+        let measured = measured(&falling(0.0), None, &Settings { fits, ..Settings::default() }).expect("a measurement");
+        let page = page("a<b.mp4", &[measured]);
         assert_eq!(
             page.matches("class=\"drawing\"").count(),
             8,

@@ -25,6 +25,15 @@ pub struct Position {
     pub usable: bool,
 }
 
+/// The track of a point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// Its name in the results.
+    pub name: String,
+    /// One position per frame.
+    pub positions: Vec<Position>,
+}
+
 impl Position {
     /// Returns the position of a target in a frame.
     pub fn of(frame: &Frame, seen: &Seen<'_>) -> Self {

@@ -51,7 +51,7 @@ pub(crate) struct Args {
     /// that moves between the first two frames (the camera must stand still); `motion:W,H` gives it that size. Default: the first line of
     /// groundtruth_rect.txt in the folder, or of VIDEO.txt beside VIDEO.mp4. Repeat the option to follow many targets
     #[arg(long, value_name = "X,Y,W,H|motion", value_parser = parse_init, allow_hyphen_values = true)]
-    pub(super) init: Vec<Init>,
+    pub(crate) init: Vec<Init>,
     #[command(flatten)]
     pub(super) many: ManyArgs,
     /// Restart the tracker at a later frame (counted from 1) with a new box. Repeatable
@@ -111,6 +111,8 @@ pub(crate) struct Args {
 #[derive(Clone)]
 pub(crate) struct Measure {
     pub settings: Settings,
+    /// The names of the points, in the order of their boxes.
+    pub names: Vec<String>,
     /// The box in the first frame of a thing at rest.
     pub reference: Option<BBox>,
     /// Further files that the results must not replace.
@@ -139,9 +141,9 @@ impl Args {
         files.map(PathBuf::from).chain(truth).chain(measure).collect()
     }
 
-    /// Returns whether the arguments select many targets.
+    /// Returns whether the arguments select many targets. Several points of a measurement are targets of one tracker each.
     pub(super) fn asks_for_many(&self) -> bool {
-        self.many.asked() || self.init.len() > 1
+        self.many.asked() || (self.init.len() > 1 && self.measure.is_none())
     }
 
     /// Returns the configuration, the folder of its models, and its description.

@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use foveate::config::Blueprint;
-use foveate::lab::measure::{FILES, Lines, MeasureFiles};
+use foveate::lab::measure::{FILES, Follower, Lines, MeasureFiles};
 use foveate::report::Observer;
 use foveate::report::run::check_box;
 use foveate::text::counted;
-use foveate::video::{open_with, without_password};
-use foveate::{BBox, Error, Result, Tracker};
+use foveate::video::{Frame, open_with, without_password};
+use foveate::{Error, Result, Seen};
 
 use super::args::{Args, Measure};
-use super::init::Init;
+use super::init::{Init, first_box};
 use super::source::{Opened, is_endless};
 use super::tolerant::FailedOutputs;
 use crate::cmd::convert::{Boxes, Format};
@@ -51,25 +51,28 @@ impl Args {
 /// A checked measurement.
 pub(super) struct Measured {
     measure: Measure,
-    /// The tracker of the reference and its first box.
-    reference: Option<(Tracker, BBox)>,
+    reference: Option<Follower>,
+    /// The points after the first one.
+    others: Vec<Follower>,
     /// The results, after the run.
     pub lines: Lines,
 }
 
 impl Measured {
-    /// Checks a measurement of one target in this source.
+    /// Checks a measurement in this source.
     pub(super) fn new(
-        measure: &Measure,
-        opened: &Opened,
+        (measure, args): (&Measure, &Args),
+        (opened, source): (&Opened, &Path),
         many: bool,
         (blueprint, seed): (&Blueprint, u64),
     ) -> Result<Self> {
         if many || opened.endless {
-            let problem = "foveate measure needs one target in a file; give one --init, or use foveate track";
+            let problem =
+                "foveate measure needs points in a file, each with --init; for other targets use foveate track";
             return Err(Error::Invalid(problem.into()));
         }
-        let size = opened.source.info().size();
+        let about = opened.source.info();
+        let size = about.size();
         if let Some([width, height]) = measure.settings.lens.and_then(|lens| lens.size)
             && (width, height) != (size.width, size.height)
         {
@@ -78,27 +81,82 @@ impl Measured {
                 size.width, size.height
             )));
         }
-        let Some(bbox) = measure.reference else {
-            return Ok(Self { measure: measure.clone(), reference: None, lines: Lines::default() });
-        };
-        if opened.tiles.is_some() {
-            return Err(Error::Invalid("--reference needs whole pictures, not tiles; leave it out".into()));
+        let several = args.init.len() > 1;
+        if opened.tiles.is_some() && (several || measure.reference.is_some()) {
+            let problem = "--reference and several points need whole pictures, not tiles; give one --init";
+            return Err(Error::Invalid(problem.into()));
         }
-        check_box("the box of --reference", &bbox, opened.source.info())?;
-        // Its random streams are those of another target.
-        let reference = Some((blueprint.tracker_of(seed, 1)?, bbox));
-        Ok(Self { measure: measure.clone(), reference, lines: Lines::default() })
+        for (given, name) in [
+            (!args.reinit.is_empty(), "--reinit"),
+            (args.save_state.is_some(), "--save-state"),
+            (args.regret, "--regret"),
+            (args.trace, "--trace"),
+        ] {
+            if several && given {
+                return Err(Error::Invalid(format!("{name} is for one point; leave it out, or give one --init")));
+            }
+        }
+        // The same streams as the first point: each point has the results that it has on its own.
+        let mut others = vec![];
+        for (i, init) in args.init.iter().enumerate().skip(1) {
+            let bbox = first_box(source, Some(*init), &args.input)?;
+            check_box(&format!("the first box of point {}", measure.names[i]), &bbox, about)?;
+            others.push(Follower::new(blueprint.tracker(seed)?, bbox));
+        }
+        let mut reference = None;
+        if let Some(bbox) = measure.reference {
+            check_box("the box of --reference", &bbox, about)?;
+            // Its random streams are those of another target.
+            reference = Some(Follower::new(blueprint.tracker_of(seed, 1)?, bbox));
+        }
+        Ok(Self { measure: measure.clone(), reference, others, lines: Lines::default() })
     }
 
-    /// Starts the files in the folder of the results.
-    pub(super) fn observer(self, folder: &Path, source: &Path, failed: &FailedOutputs) -> Result<Box<dyn Observer>> {
+    /// Returns whether there are several points.
+    pub(super) fn is_several(&self) -> bool {
+        !self.others.is_empty()
+    }
+
+    /// Starts the files in the folder of the results; they and the other observers receive all points.
+    pub(super) fn observers(
+        self,
+        mut observers: Vec<Box<dyn Observer>>,
+        (folder, source): (&Path, &Path),
+        failed: &FailedOutputs,
+    ) -> Result<Vec<Box<dyn Observer>>> {
         const NAMES: &[&str] = &FILES;
         let source = without_password(&source.display().to_string()).into_owned();
-        let files = MeasureFiles::create(folder, source, self.measure.settings, self.lines)?;
-        let files = match self.reference {
-            Some((tracker, bbox)) => files.relative_to(tracker, bbox),
-            None => files,
-        };
-        Ok(failed.tolerate(NAMES, files, usize::MAX))
+        let Measure { names, settings, .. } = self.measure;
+        let mut files = MeasureFiles::create(folder, source, names, settings, self.lines)?;
+        if let Some(reference) = self.reference {
+            files = files.relative_to(reference);
+        }
+        observers.push(failed.tolerate(NAMES, files, usize::MAX));
+        if self.others.is_empty() {
+            return Ok(observers);
+        }
+        Ok(vec![Box::new(Points { others: self.others, observers })])
+    }
+}
+
+/// Follows further points, and calls observers with all of them.
+struct Points {
+    others: Vec<Follower>,
+    observers: Vec<Box<dyn Observer>>,
+}
+
+impl Observer for Points {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        let mut all = targets.to_vec();
+        for (other, id) in self.others.iter_mut().zip(2..) {
+            let mut seen = other.follow(frame)?;
+            seen.id = id;
+            all.push(seen);
+        }
+        self.observers.observe(frame, &all)
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.observers.finish()
     }
 }

@@ -94,14 +94,15 @@ impl<'a> Plan<'a> {
                 (frames, None, given)
             }
         };
-        let of = |measure| Measured::new(measure, &opened, many, (&blueprint, seed));
+        let of = |measure| Measured::new((measure, args), (&opened, source), many, (&blueprint, seed));
         let measured = args.measure.as_ref().map(of).transpose()?;
+        let many = many || measured.as_ref().is_some_and(Measured::is_several);
         let report = !args.no_report;
         let outputs = Outputs {
             many,
             video: !args.no_video && !opened.endless,
             report,
-            surface: report && subject.has_surface(),
+            surface: report && !many && subject.has_surface(),
             trace: args.trace,
             regret: args.regret,
             measure: measured.is_some(),
