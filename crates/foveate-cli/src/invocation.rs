@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use foveate::extend::Parts;
-use foveate::video::without_password;
+use foveate::video::{Sandbox, without_password};
 
 struct Invocation {
     /// The arguments, starting with the program's own name.
@@ -41,6 +41,17 @@ pub(crate) fn arguments() -> String {
 pub fn command() -> String {
     let name = INVOCATION.get().and_then(|it| it.words.first()).map(|word| word.to_string_lossy().into_owned());
     format!("{} {}", name.unwrap_or_else(|| "foveate".into()), arguments())
+}
+
+/// Returns the program as a child that decodes: itself, or as a package of another language was called.
+pub(crate) fn sandbox() -> Sandbox {
+    let own = std::env::current_exe().unwrap_or_default();
+    let name = INVOCATION.get().and_then(|it| it.words.first()).map(PathBuf::from).filter(|name| name.is_file());
+    Sandbox(match name {
+        _ if own == program() => vec![own.into()],
+        Some(script) => vec![own.into(), script.into()],
+        None => vec![own.into(), "-m".into(), "foveate".into()],
+    })
 }
 
 /// Returns the file that has the program's code.

@@ -163,6 +163,9 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
 }
 
 fn run(arguments: Vec<OsString>, program: PathBuf, parts: Parts) -> u8 {
+    if let Some(status) = foveate::video::sandbox::decode_if_asked(arguments.get(1..).unwrap_or(&[])) {
+        return status;
+    }
     invocation::set(&arguments, program, parts);
     let cli = Cli::parse_from(arguments);
     cli.common.run(|| match cli.command {

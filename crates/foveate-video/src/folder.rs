@@ -4,7 +4,8 @@ use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use crate::decode::decode_image;
-use crate::{Frame, FrameSource, SourceInfo};
+use crate::sandbox::Apart;
+use crate::{Frame, FrameSource, Interrupt, Options, SourceInfo};
 use foveate_base::text::counted;
 use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
@@ -23,6 +24,7 @@ pub struct ImageFolder {
     planes: usize,
     next: usize,
     first: Option<Image>,
+    sandbox: Option<Apart>,
 }
 
 impl ImageFolder {
@@ -39,10 +41,20 @@ impl ImageFolder {
     /// # Errors
     /// Fails if there is none, or the first cannot be decoded.
     pub fn from_files(files: Vec<PathBuf>) -> Result<Self> {
+        Self::from_files_with(files, &Options::default())
+    }
+
+    /// [`ImageFolder::from_files`], in the sandbox of the options if they have one.
+    ///
+    /// # Errors
+    /// As [`ImageFolder::from_files`], or there is no sandbox.
+    pub fn from_files_with(files: Vec<PathBuf>, options: &Options) -> Result<Self> {
         let Some(path) = files.first() else {
             return Err(Error::Invalid("a source of frames needs at least one image file, got none".into()));
         };
-        let first = load(path, 0)?;
+        let sandbox = options.sandbox.as_ref().map(|sandbox| Apart::pictures(sandbox, files.len()));
+        let mut sandbox = sandbox.transpose().map_err(|problem| Error::malformed(path, problem))?;
+        let first = load(path, 0, sandbox.as_mut())?;
         let info = SourceInfo {
             width: first.width(),
             height: first.height(),
@@ -50,14 +62,14 @@ impl ImageFolder {
             rate: RATE,
             reader: if files.len() == 1 { "one image" } else { "image folder" }.into(),
         };
-        Ok(Self { info, planes: first.planes(), files, next: 0, first: Some(first) })
+        Ok(Self { info, planes: first.planes(), files, next: 0, first: Some(first), sandbox })
     }
 
     fn load(&mut self, index: usize) -> Result<Image> {
         let path = &self.files[index];
         let image = match self.first.take() {
             Some(first) if index == 0 => first,
-            _ => load(path, index)?,
+            _ => load(path, index, self.sandbox.as_mut())?,
         };
         if image.size() != self.info.size() {
             let problem = format!(
@@ -94,6 +106,9 @@ impl FrameSource for ImageFolder {
     fn pass_over(&mut self, count: usize) -> Result<()> {
         self.next = self.next.saturating_add(count).min(self.files.len());
         Ok(())
+    }
+    fn interrupt(&self) -> Option<Interrupt> {
+        self.sandbox.as_ref().map(Apart::interrupt)
     }
 }
 
@@ -185,10 +200,14 @@ fn is_hidden(path: &Path) -> bool {
     path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'))
 }
 
-fn load(path: &Path, index: usize) -> Result<Image> {
+fn load(path: &Path, index: usize, sandbox: Option<&mut Apart>) -> Result<Image> {
+    let decode = |bytes: Vec<u8>| match sandbox {
+        Some(apart) => apart.picture(&bytes),
+        None => decode_image(&bytes),
+    };
     files::read(path, files::PICTURE)
         .map_err(|error| error.to_string())
-        .and_then(|bytes| decode_image(&bytes))
+        .and_then(decode)
         .map_err(|problem| Error::Frame { path: path.to_owned(), frame: index + 1, problem })
 }
 

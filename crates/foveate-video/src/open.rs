@@ -8,9 +8,10 @@ use image::ImageFormat;
 
 use crate::address::{is_live, other_protocol, without_password};
 use crate::decode::image_kind;
+use crate::folder::image_files;
 use crate::piped::Piped;
 use crate::y4m::MAGIC;
-use crate::{FrameSource, ImageFolder, Options, VideoFile, pattern};
+use crate::{Decoder, FrameSource, ImageFolder, Options, VideoFile, pattern, sandbox};
 use foveate_base::{Error, Result};
 
 /// Videos that begin as a picture does, by how their names end.
@@ -33,6 +34,15 @@ pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
 /// As [`open`], and if the chosen decoder cannot read it.
 pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn FrameSource>> {
     let path = path.as_ref();
+    let refused = |what: &str| {
+        let problem = format!("the sandbox decodes H.264 in MP4, PNG and JPEG alone; {what}, or leave out --sandbox");
+        if options.sandbox.is_some() { Err(Error::malformed(path, problem)) } else { Ok(()) }
+    };
+    if options.raw.is_some() || path == Path::new("-") || is_live(path) {
+        refused("give a file or a folder of images")?;
+    } else if options.decoder == Decoder::Ffmpeg {
+        refused("leave out --decoder ffmpeg")?;
+    }
     if path == Path::new("-") {
         return piped("standard input".into(), std::io::stdin(), &[], unread_input(), options);
     }
@@ -51,12 +61,12 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
         return Err(Error::malformed(path, problem));
     }
     if let Some(files) = pattern::files(path)? {
-        return Ok(Box::new(ImageFolder::from_files(files)?));
+        return Ok(Box::new(ImageFolder::from_files_with(files, options)?));
     }
     let cannot = "cannot open; expected a video file or a folder of images";
     let about = std::fs::metadata(path).map_err(Error::io(path, cannot))?;
     if about.is_dir() {
-        return Ok(Box::new(ImageFolder::open(path)?));
+        return Ok(Box::new(ImageFolder::from_files_with(image_files(path)?, options)?));
     }
     let mut file = File::open(path).map_err(Error::io(path, cannot))?;
     if options.raw.is_some() {
@@ -67,6 +77,7 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
     // Only the bytes that identify yuv4mpeg: a fifo cannot be read twice.
     file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut head).map_err(Error::io(path, cannot))?;
     if head == MAGIC || !about.is_file() {
+        refused("convert it")?;
         return piped(path.to_owned(), file, &head, None, options);
     }
     if head.is_empty() {
@@ -75,9 +86,12 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
     let moving = path.extension().is_some_and(|end| MOVING.iter().any(|moving| end.eq_ignore_ascii_case(moving)));
     let kind = image_kind(&head);
     if kind.is_some() && !moving && !(kind == Some(ImageFormat::Png) && is_animated(&mut file)) {
-        return Ok(Box::new(ImageFolder::from_files(vec![path.to_owned()])?));
+        return Ok(Box::new(ImageFolder::from_files_with(vec![path.to_owned()], options)?));
     }
-    Ok(Box::new(VideoFile::open_with(path, options)?))
+    match &options.sandbox {
+        Some(sandbox) => Ok(Box::new(sandbox::Video::open(path, sandbox)?)),
+        None => Ok(Box::new(VideoFile::open_with(path, options)?)),
+    }
 }
 
 /// Whether a PNG file is an animation: then a chunk of that name comes before its first picture.

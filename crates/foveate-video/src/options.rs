@@ -1,5 +1,6 @@
 //! Options for opening a video.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -33,7 +34,14 @@ pub struct Options {
     pub raw: Option<Raw>,
     /// Called with a line of text if the first frame suggests wrong options.
     pub notify: fn(&str),
+    /// Decodes H.264, PNG and JPEG in a child process without access to files and network. Other sources are refused.
+    pub sandbox: Option<Sandbox>,
 }
+
+/// The program that decodes in a child process, and its first arguments: a program that begins with
+/// [`decode_if_asked`](crate::sandbox::decode_if_asked). Linux alone has such children.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sandbox(pub Vec<OsString>);
 
 /// Bare pixels, row by row from the top left, frame after frame without gaps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +80,7 @@ impl Pixels {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { decoder: Decoder::Auto, ffmpeg: "ffmpeg".into(), raw: None, notify: |_| () }
+        Self { decoder: Decoder::Auto, ffmpeg: "ffmpeg".into(), raw: None, notify: |_| (), sandbox: None }
     }
 }
 

@@ -64,6 +64,12 @@ impl Remarks {
         all
     }
 
+    /// Takes the sizes of pixels that are not square, and the damaged frames with a report.
+    pub(crate) fn take(&self) -> (Option<[Size; 2]>, Vec<(usize, String)>) {
+        let found = std::mem::take(&mut *self.found());
+        (found.sides, found.damaged.into_iter().map(|frame| (frame, found.report.clone())).collect())
+    }
+
     /// The stored size of a picture, and that in square pixels.
     pub(crate) fn set_sides(&self, stored: Size, shown: Size) {
         if stored != shown {

@@ -106,6 +106,24 @@ fn functions_of_the_paper_are_where_the_table_says() {
     assert!(checked >= 20, "the table must be found: {checked} names checked");
 }
 
+/// The tests that SECURITY.md names show its promises.
+#[test]
+fn promises_have_their_tests() {
+    let text = std::fs::read_to_string(root().join("SECURITY.md")).expect("it is there");
+    let tests = |line: &str| line.rsplit('|').nth(1).map(|cell| code(cell).map(str::to_owned).collect::<Vec<_>>());
+    let rows = text.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| ---")).skip(1);
+    let named: Vec<Vec<String>> = rows.filter_map(tests).collect();
+    let sources: Vec<String> = files(&root().join("crates"), "rs")
+        .iter()
+        .map(|path| std::fs::read_to_string(path).expect("a source file can be read"))
+        .collect();
+    assert!(named.len() >= 10 && named.iter().all(|tests| !tests.is_empty()), "{named:?}");
+    for test in named.iter().flatten() {
+        let there = format!("fn {test}()");
+        assert!(sources.iter().any(|text| text.contains(&there)), "SECURITY.md names {test}, which is no test");
+    }
+}
+
 /// A heading as links name it.
 fn anchor(heading: &str) -> String {
     let kept = heading.trim().to_lowercase().replace(' ', "-");

@@ -13,7 +13,7 @@ use foveate::config::Blueprint;
 use foveate::report::run::check_box;
 use foveate::text::counted;
 use foveate::video::mot::TrackBox;
-use foveate::video::{Decoder, Options, SourceInfo, open_with};
+use foveate::video::{Options, SourceInfo, open_with};
 use foveate::{BBox, Error, Result, files};
 use rayon::prelude::*;
 
@@ -21,7 +21,7 @@ use super::configure::Choice;
 use super::convert::{Boxes, Format, KeyFrames};
 use super::of_file;
 use super::results::{Ended, Results};
-use super::track::source::named;
+use super::track::source::DecoderArgs;
 use crate::terminal;
 use check::{Check, Span, check_first, needed};
 use join::join;
@@ -64,9 +64,8 @@ pub(crate) struct Args {
     out: PathBuf,
     #[command(flatten)]
     choice: Choice,
-    /// Video decoder; auto uses ffmpeg if it is installed and faster
-    #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
-    decoder: Decoder,
+    #[command(flatten)]
+    decoder: DecoderArgs,
 }
 
 /// A target: its id, and its boxes in key frames.
@@ -78,7 +77,7 @@ struct Target {
 
 /// Runs the command.
 pub(crate) fn run(args: Args) -> Result<()> {
-    let options = Options { decoder: args.decoder, ..Options::default() };
+    let options = args.decoder.options();
     let about = open_with(&args.source, &options)?.info().clone();
     let boxes = Boxes::read_of_size(args.format, &args.keyframes, Some(about.size()))?;
     let (blueprint, seed) = args.choice.blueprint()?;

@@ -7,20 +7,19 @@ use foveate::geometry::Size;
 use foveate::report::draw::{Colour, Drawing};
 use foveate::scene::{Detector, Flow, Map, Motion, Saliency};
 use foveate::text::counted;
-use foveate::video::{Decoder, Frame, Options, ahead, open_with, save_png};
+use foveate::video::{Frame, ahead, open_with, save_png};
 use foveate::{Error, Result};
 
 use super::results::spare;
-use super::track::source::named;
+use super::track::source::DecoderArgs;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: foveate look video.mp4 --map flow --frame 120 --out look.png")]
 pub(crate) struct Args {
     /// Video file or folder of images
     source: PathBuf,
-    /// Video decoder; auto uses ffmpeg if it is installed and faster
-    #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
-    decoder: Decoder,
+    #[command(flatten)]
+    decoder: DecoderArgs,
     /// Kind of map
     #[arg(long, value_enum, default_value_t = Kind::Saliency)]
     map: Kind,
@@ -62,7 +61,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let wanted = args.frame.map_or(29, |n| usize::try_from(n - 1).unwrap_or(usize::MAX));
     let (mut detector, mut found) = (args.map.detector(), vec![]);
     let mut last: Option<Frame> = None;
-    let options = Options { decoder: args.decoder, ..Options::default() };
+    let options = args.decoder.options();
     for frame in ahead(open_with(&args.source, &options)?) {
         let frame = frame?;
         // Saliency needs only one frame: the last one read.

@@ -19,6 +19,7 @@ use foveate::{Error, Result};
 use foveate_page::Page;
 
 use super::configure::{Changes, read};
+use super::track::source::SandboxArg;
 use crate::terminal;
 use app::{App, Pick, Server};
 use guard::Guard;
@@ -83,6 +84,8 @@ struct PageArgs {
     /// Gaze policy that replaces the configuration's
     #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(super::configure::POLICIES))]
     policy: Option<String>,
+    #[command(flatten)]
+    sandbox: SandboxArg,
 }
 
 /// Parses an address by number or name. If a name has several addresses, prefers the first IPv4 address, which every machine supports.
@@ -156,8 +159,8 @@ fn start(
     let guard = Guard { port: bound.port(), remote: !address.ip().is_loopback(), token };
     let done = pick.as_ref().map_or_else(Arc::<AtomicBool>::default, |pick| Arc::clone(&pick.done));
     announce(&bound, &guard, pick.is_some());
-    let (config, policy) = (page.config.clone(), page.policy.clone());
-    let page = Page::new(Server { roots, pick, config, policy, pool });
+    let (config, policy, options) = (page.config.clone(), page.policy.clone(), page.sandbox.options());
+    let page = Page::new(Server { roots, pick, config, policy, pool, options });
     let app = Arc::new(App { guard, page });
     terminal::catch_interrupts();
     let stop: Arc<dyn Fn() -> bool + Send + Sync> =

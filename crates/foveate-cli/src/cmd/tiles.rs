@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use foveate::text::counted;
-use foveate::video::{Decoder, Options, ahead_until, open_with, write_tiles};
+use foveate::video::{ahead_until, open_with, write_tiles};
 use foveate::{Error, Result, files};
 
 use super::track::init::Frames;
-use super::track::source::named;
+use super::track::source::DecoderArgs;
 use crate::terminal;
 
 #[derive(clap::Args)]
@@ -26,9 +26,8 @@ pub(crate) struct Args {
     /// Last frame, counted from 1
     #[arg(long, value_name = "FRAME", value_parser = clap::value_parser!(u64).range(1..))]
     until: Option<u64>,
-    /// Video decoder; auto uses ffmpeg if it is installed and faster
-    #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
-    decoder: Decoder,
+    #[command(flatten)]
+    decoder: DecoderArgs,
 }
 
 pub(crate) fn run(args: Args) -> Result<()> {
@@ -69,7 +68,7 @@ impl Drop for Making {
 
 /// Cuts the frames into a folder. Returns the number of frames.
 fn cut(args: &Args, folder: &Path) -> Result<usize> {
-    let source = open_with(&args.source, &Options { decoder: args.decoder, ..Options::default() })?;
+    let source = open_with(&args.source, &args.decoder.options())?;
     let span = Frames::new(0, "the video begins", args.until, source.info())?;
     let bar = terminal::progress(span.total(source.info()), "tiles");
     let mut frames = 0;

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use foveate::config::Config;
 use foveate::geometry::BBox;
 use foveate::report::run::check_box;
-use foveate::video::decode_image;
+use foveate::video::sandbox::decode_image_in;
+use foveate::video::{Options, decode_image};
 use foveate::{Error, Result};
 use foveate_page::{
     Asked, FILES, Host, Made, Page, Session, Setup, Source, boxed, command, counted_from_1, offered, read,
@@ -62,6 +63,8 @@ pub(super) struct Server {
     pub policy: Option<String>,
     /// The threads that serve the page.
     pub pool: rayon::ThreadPool,
+    /// How videos are read.
+    pub options: Options,
 }
 
 /// Handling of a picked box.
@@ -166,7 +169,10 @@ impl App {
             return Response::error(415, "expected a body of image/jpeg");
         }
         let push = |session: &mut Session<Server>| {
-            let image = decode_image(&request.body);
+            let image = match &self.page.host.options.sandbox {
+                Some(sandbox) => decode_image_in(sandbox, &request.body),
+                None => decode_image(&request.body),
+            };
             let image = image.map_err(|problem| Error::Invalid(format!("the camera's frame: {problem}")))?;
             session.push(image.with_planes(3), time, missed)
         };
@@ -216,11 +222,14 @@ impl App {
 impl Server {
     fn open(&self, path: &str) -> Result<Session<Self>> {
         if let Some(address) = self.roots.stream(path) {
+            if self.options.sandbox.is_some() {
+                return Err(Error::malformed(address, "a stream has no sandbox; start the server without --sandbox"));
+            }
             let (source, info) = live::open(address)?;
             return Session::new(address.to_owned(), source, info, vec![]);
         }
         let place = self.roots.find(path)?;
-        let video = self.run(|| Video::open(place))?;
+        let video = self.run(|| Video::open(place, self.options.clone()))?;
         let (shown, info, truth) = (video.place.shown.clone(), video.info.clone(), video.truth());
         Session::new(shown, Source::Video(Open::new(video)), info, truth)
     }

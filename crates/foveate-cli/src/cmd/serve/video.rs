@@ -7,7 +7,9 @@ use std::sync::Arc;
 use foveate::geometry::BBox;
 use foveate::report::shrunk;
 use foveate::scene::Image;
-use foveate::video::{Frame, FrameSource, ImageFolder, SourceInfo, annotation, encode_jpeg, image_files, open};
+use foveate::video::{
+    Frame, FrameSource, ImageFolder, Interrupt, Options, SourceInfo, annotation, encode_jpeg, image_files, open_with,
+};
 use foveate::{Error, Result};
 use foveate_page::{BEFORE, Frames, Player, Reopen, check_size};
 
@@ -27,10 +29,11 @@ pub(super) struct Video {
     pub info: SourceInfo,
     /// The image files, if the video is a folder.
     files: Option<Arc<[PathBuf]>>,
+    options: Options,
 }
 
 impl Video {
-    pub(super) fn open(place: Place) -> Result<Self> {
+    pub(super) fn open(place: Place, options: Options) -> Result<Self> {
         let files = match place.real.is_dir() {
             true => {
                 let found = image_files(&place.real)?;
@@ -40,9 +43,9 @@ impl Video {
             }
             false => None,
         };
-        let info = source(&place, files.as_deref(), 0)?.info().clone();
+        let info = source(&place, files.as_deref(), 0, &options)?.info().clone();
         check_size(&info, &place.shown)?;
-        Ok(Self { place, info, files })
+        Ok(Self { place, info, files, options })
     }
 
     /// Returns the true boxes, if the folder has them.
@@ -55,19 +58,19 @@ impl Video {
 
 impl Reopen for Video {
     fn source(&self, from: usize) -> Result<Box<dyn FrameSource>> {
-        source(&self.place, self.files.as_deref(), from)
+        source(&self.place, self.files.as_deref(), from, &self.options)
     }
     fn pictures(&self) -> Option<(usize, f64)> {
         self.files.as_ref().map(|files| (files.len(), self.info.rate))
     }
 }
 
-fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<dyn FrameSource>> {
+fn source(place: &Place, files: Option<&[PathBuf]>, from: usize, options: &Options) -> Result<Box<dyn FrameSource>> {
     match files {
-        Some(files) => Ok(Box::new(Pictures::new(place, files[from.min(files.len() - 1)..].to_vec())?)),
+        Some(files) => Ok(Box::new(Pictures::new(place, files[from.min(files.len() - 1)..].to_vec(), options)?)),
         None => {
             place.check(&place.real)?;
-            open(&place.real)
+            open_with(&place.real, options)
         }
     }
 }
@@ -81,9 +84,9 @@ struct Pictures {
 }
 
 impl Pictures {
-    fn new(place: &Place, files: Vec<PathBuf>) -> Result<Self> {
+    fn new(place: &Place, files: Vec<PathBuf>, options: &Options) -> Result<Self> {
         place.check(&files[0])?;
-        let folder = ImageFolder::from_files(files.clone())?;
+        let folder = ImageFolder::from_files_with(files.clone(), options)?;
         Ok(Self { place: place.clone(), files, next: 0, folder })
     }
 }
@@ -105,6 +108,9 @@ impl FrameSource for Pictures {
     fn pass_over(&mut self, count: usize) -> Result<()> {
         self.next = self.next.saturating_add(count);
         self.folder.pass_over(count)
+    }
+    fn interrupt(&self) -> Option<Interrupt> {
+        self.folder.interrupt()
     }
 }
 
@@ -211,7 +217,7 @@ mod tests {
             save_png(dir.path().join(format!("{t}.png")), &Image::grey(16, 12, 6 * t)).expect("writable");
         }
         let place = Roots::new(&[dir.path().to_owned()]).and_then(|roots| roots.find("0")).expect("it is there");
-        let video = Video::open(place).expect("pictures");
+        let video = Video::open(place, Options::default()).expect("pictures");
         let (mut player, mut stills) = (Player::new(video.clone()), Stills::new(video));
         for index in [0, 1, 30, 3, 39, 38, 0] {
             let frame = player.frame(index).expect("readable").expect("it is there");

@@ -16,11 +16,39 @@ use foveate::{Error, Result};
 
 use crate::terminal;
 
+/// How a video is decoded.
 #[derive(clap::Args)]
-pub(crate) struct SourceArgs {
-    /// Video decoder; auto uses ffmpeg if it is installed and faster. The boxes do not depend on it
+pub(crate) struct DecoderArgs {
+    /// Video decoder; auto uses ffmpeg if it is installed and faster. The results do not depend on it
     #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
     decoder: Decoder,
+    #[command(flatten)]
+    sandbox: SandboxArg,
+}
+
+#[derive(clap::Args, Clone, Copy)]
+pub(crate) struct SandboxArg {
+    /// Decode H.264, PNG and JPEG in a child process without access to files and network; refuse other sources (Linux)
+    #[arg(long)]
+    sandbox: bool,
+}
+
+impl DecoderArgs {
+    pub(crate) fn options(&self) -> Options {
+        Options { decoder: self.decoder, ..self.sandbox.options() }
+    }
+}
+
+impl SandboxArg {
+    pub(crate) fn options(self) -> Options {
+        Options { sandbox: self.sandbox.then(crate::invocation::sandbox), ..Options::default() }
+    }
+}
+
+#[derive(clap::Args)]
+pub(crate) struct SourceArgs {
+    #[command(flatten)]
+    decoder: DecoderArgs,
     /// Read raw pixels of this size, frame after frame; see --pix
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     raw: Option<Size>,
@@ -120,7 +148,7 @@ impl SourceArgs {
 
     pub(crate) fn options(&self) -> Options {
         let raw = self.raw.map(|Size { width, height }| Raw { width, height, pixels: self.pix.unwrap_or_default() });
-        Options { decoder: self.decoder, raw, notify: note_line, ..Options::default() }
+        Options { raw, notify: note_line, ..self.decoder.options() }
     }
 
     /// Opens a source.
@@ -141,6 +169,9 @@ impl SourceArgs {
         }
         if (live || path.is_dir()) && self.raw.is_some() {
             return Err(wrong("--raw is for files and pipes; leave it out"));
+        }
+        if self.decoder.sandbox.sandbox && (live || TileFolder::is_at(path)) {
+            return Err(wrong("--sandbox is for video files and folders of images; leave it out"));
         }
         let tiles = TileFolder::is_at(path).then(|| TileFolder::open(path)).transpose()?;
         let halvings = -self.scale.log2();
