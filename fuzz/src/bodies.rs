@@ -122,7 +122,7 @@ const SMALL: &str = "particles = 20\n[dynamics]\nkind = \"autoregressive\"\n[ret
     [encoder]\nkind = \"raw\"\n[likelihood]\ndistance = \"cosine\"\nsharpness = 10\n[policy]\nkind = \"hedge\"\ngamma = 0.5\n[discriminant]\n[colour]\n\
     [redetection]\n[distractors]\n";
 /// What one target remembers besides.
-const OF_ONE: &str = "[short_term]\n[local_search]\n[camera_motion]\n[box_regression]\n[confidence]\nabsence = { rate = 0.25, weight = 3.0, bias = 1.0 }\n";
+const OF_ONE: &str = "[local_search]\n[camera_motion]\n[box_regression]\n[confidence]\nabsence = { rate = 0.25, weight = 3.0, bias = 1.0 }\n";
 
 fn blueprint(text: &str) -> Blueprint {
     let config = Config::parse(text, "small").expect("a configuration");

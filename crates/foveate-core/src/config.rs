@@ -148,11 +148,6 @@ impl Config {
                     .into(),
             ));
         }
-        if self.short_term.is_some() && self.discriminant.is_none() {
-            return Err(Error::Config(
-                "short_term: this is a second discriminant; add [discriminant], or leave [short_term] out".into(),
-            ));
-        }
         if self.variation.is_some() && self.discriminant.is_none() {
             return Err(Error::Config(
                 "variation: it is the discriminant that expects it; add [discriminant], or leave [variation] out"
@@ -273,9 +268,7 @@ impl Blueprint {
             .with_redetection(c.redetection.clone().map(Redetection::new))
             .with_local_search(c.local_search.map(LocalSearch::new));
         let gaze = GazeControl::new(self.shadowed(policy(&c.policy, &c.parts)?), c.reward.reward(&c.parts)?);
-        let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone())
-            .with_short_term(&c.consistency, c.short_term.map(|it| (it.threshold, it.gate)))
-            .with_distractors(c.distractors.clone());
+        let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone()).with_distractors(c.distractors.clone());
         let recognition = self.recogniser.as_ref().map(reading::Recogniser::recognition).transpose()?;
         let second = self.second.as_ref().map(|second| second.parts()).transpose()?;
         let regression = self.boxes.clone().zip(c.box_regression.clone());
@@ -297,10 +290,7 @@ impl Blueprint {
             .with_steady_gaze(c.sensor.is_some() && covers_the_box(&self.retina))
             .with_colour(c.colour);
         let appearance = match c.discriminant {
-            Some(settings) => appearance
-                .with_discriminant(settings)
-                .with_variation(self.variation.clone())
-                .with_short_term(c.short_term.is_some()),
+            Some(settings) => appearance.with_discriminant(settings).with_variation(self.variation.clone()),
             None => appearance,
         };
         #[cfg(feature = "learn")]

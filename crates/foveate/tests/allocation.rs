@@ -6,7 +6,7 @@ use foveate::files::Folder;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, random_recogniser, with_recogniser};
+use common::{INIT, POLICIES, blueprint, frame, natural, random_recogniser, with_recogniser};
 use foveate::config::{Blueprint, Config};
 use foveate::geometry::BBox;
 use foveate::scene::Image;
@@ -87,7 +87,7 @@ fn learning_while_tracking_allocates_nothing() {
         alone(|| {
             let committee = Config { committee: 2, ..natural(150).config().clone() };
             let committee = committee.check(&Folder::here()).expect("parts that fit");
-            for blueprint in [natural(150), learning_for_now(150), committee] {
+            for blueprint in [natural(150), committee] {
                 let counts = counts(&blueprint, &frames);
                 assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{planes} planes: {counts:?}");
             }

@@ -15,13 +15,11 @@ pub struct Exp3Config {
     pub grid: Grid,
     /// Share of frames that explore; the learning rate is γ/K, above 0 to 1.
     pub gamma: Schedule,
-    /// Factor of the learning rate; the bound holds up to 1, 0.001 to 1000.
-    pub haste: f64,
 }
 
 impl Default for Exp3Config {
     fn default() -> Self {
-        Self { grid: Grid::default(), gamma: Schedule::Anytime, haste: 1.0 }
+        Self { grid: Grid::default(), gamma: Schedule::Anytime }
     }
 }
 
@@ -49,13 +47,11 @@ pub struct Exp3IxConfig {
     pub grid: Grid,
     /// Damping, above 0 to 1; the learning rate is 2γ.
     pub gamma: Schedule,
-    /// Factor of the learning rate; the bound holds up to 1, 0.001 to 1000.
-    pub haste: f64,
 }
 
 impl Default for Exp3IxConfig {
     fn default() -> Self {
-        Self { grid: Grid::default(), gamma: Schedule::Anytime, haste: 1.0 }
+        Self { grid: Grid::default(), gamma: Schedule::Anytime }
     }
 }
 
@@ -69,19 +65,17 @@ pub struct Exp3SConfig {
     pub gamma: Schedule,
     /// Share of the weight that all gazes get each frame, above 0 to 1; about one over the frames between changes.
     pub share: f64,
-    /// Factor of the learning rate; the bound holds up to 1, 0.001 to 1000.
-    pub haste: f64,
 }
 
 impl Default for Exp3SConfig {
     fn default() -> Self {
-        Self { grid: Grid::default(), gamma: Schedule::Fixed(0.1), share: 0.01, haste: 1.0 }
+        Self { grid: Grid::default(), gamma: Schedule::Fixed(0.1), share: 0.01 }
     }
 }
 
 impl Exp3Config {
     pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Unbiased, self.gamma)?.with_haste(self.haste)?))
+        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Unbiased, self.gamma)?))
     }
 }
 
@@ -93,20 +87,19 @@ impl Exp3AsPrintedConfig {
 
 impl Exp3IxConfig {
     pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Implicit, self.gamma)?.with_haste(self.haste)?))
+        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Implicit, self.gamma)?))
     }
 }
 
 impl Exp3SConfig {
     pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Sharing(self.share), self.gamma)?.with_haste(self.haste)?))
+        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Sharing(self.share), self.gamma)?))
     }
 }
 
 impl Ranges for Exp3Config {
     fn ranges(&self) -> Result<()> {
         self.gamma.check("policy.gamma", 1.0)?;
-        within("policy.haste", self.haste, 1e-3, 1e3)?;
         self.grid.check()
     }
 }
@@ -121,7 +114,6 @@ impl Ranges for Exp3AsPrintedConfig {
 impl Ranges for Exp3IxConfig {
     fn ranges(&self) -> Result<()> {
         self.gamma.check("policy.gamma", 1.0)?;
-        within("policy.haste", self.haste, 1e-3, 1e3)?;
         self.grid.check()
     }
 }
@@ -130,7 +122,6 @@ impl Ranges for Exp3SConfig {
     fn ranges(&self) -> Result<()> {
         self.gamma.check("policy.gamma", 1.0)?;
         within("policy.share", self.share, 1e-9, 1.0)?;
-        within("policy.haste", self.haste, 1e-3, 1e3)?;
         self.grid.check()
     }
 }
@@ -153,7 +144,7 @@ mod tests {
     fn bandits_are_spelled_and_read_back() {
         for text in [
             "kind = \"exp3\"",
-            "kind = \"exp3\"\ngamma = { frames = 300 }\nhaste = 20\ngrid = { n = 5, reach = 0.7 }",
+            "kind = \"exp3\"\ngamma = { frames = 300 }\ngrid = { n = 5, reach = 0.7 }",
             "kind = \"exp3-as-printed\"\ngamma = 1",
             "kind = \"exp3-ix\"\ngamma = \"anytime\"",
             "kind = \"exp3-s\"\ngamma = 0.2\nshare = 0.05",
@@ -171,13 +162,12 @@ mod tests {
     fn mistakes_are_told() {
         for (text, words) in [
             ("kind = \"exp4\"", &["exp4", "`exp3`", "`exp3-as-printed`", "`exp3-ix`", "`exp3-s`"][..]),
-            ("kind = \"exp3\"\ngama = 0.1", &["gama", "`gamma`", "`haste`", "line"]),
+            ("kind = \"exp3\"\ngama = 0.1", &["gama", "`gamma`", "line"]),
             ("kind = \"exp3\"\ngamma = \"sometime\"", &["sometime", "\"anytime\"", "{ frames = 300 }", "line"]),
             ("kind = \"exp3\"\ngamma = { frame = 3 }", &["frame", "`frames`"]),
             ("kind = \"exp3\"\ngamma = 1.5", &["policy.gamma", "1.5", "line"]),
             ("kind = \"exp3-as-printed\"\ngamma = nan", &["policy.gamma", "NaN"]),
-            ("kind = \"exp3-as-printed\"\nhaste = 2", &["haste", "`gamma`"]),
-            ("kind = \"exp3-ix\"\nhaste = inf", &["policy.haste", "inf"]),
+            ("kind = \"exp3-as-printed\"\nshare = 2", &["share", "`gamma`"]),
             ("kind = \"exp3-ix\"\ngamma = { frames = 0 }", &["policy.gamma", "frames is 0"]),
             ("kind = \"exp3-s\"\nshare = 0", &["policy.share", "0"]),
             ("kind = \"exp3-s\"\ngrid = { n = 99 }", &["grid.n", "99"]),

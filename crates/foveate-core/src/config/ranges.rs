@@ -87,7 +87,6 @@ checked!(
     box_regression::Settings,
     colour::Settings,
     discriminant::Settings,
-    discriminant::ShortTerm,
     discriminant::Variation,
     multi::Settings,
 );

@@ -23,15 +23,13 @@ impl Blueprint {
         // The rows of the first frame and a triangle of sums in 16 bits; in a look, two whole ones and their mixture.
         let row = n_h as u64 + 1;
         let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (Discriminant::FIRST_ROWS * row, row * (row + 1) / 2));
-        // The short-term memory: a whole triangle.
-        let short_term = if c.short_term.is_some() { 4 * triangle } else { 0 };
         let colours = if c.colour.is_some() { COLOURS } else { 0 };
         // Remembered places as bytes, each with its length; those of one frame as they are.
         let remembered = c.distractors.as_ref().filter(|settings| settings.remembered > 0);
         let (frames, places) =
             remembered.map_or((0, 0), |settings| (settings.remembered as u64, settings.count() as u64));
         let surroundings = frames.saturating_mul(places).saturating_mul(n_h as u64 + 4);
-        let kept = (FIXED + particles * (state + 8) + 4 * rows + 2 * triangle + short_term + colours)
+        let kept = (FIXED + particles * (state + 8) + 4 * rows + 2 * triangle + colours)
             .saturating_add(self.trained(n_v as u64, n_h as u64))
             .saturating_add(surroundings);
         let look = places.saturating_mul(4 * n_h as u64).saturating_add(VIEWS)

@@ -73,10 +73,6 @@ pub struct Config {
     /// Covariance of a target's features along a track, a prior for the discriminant.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub variation: Option<discriminant::Variation>,
-    /// A second discriminant that also learns from frames with a larger deficit. It moves the box; the first
-    /// discriminant decides whether the target is lost.
-    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
-    pub short_term: Option<discriminant::ShortTerm>,
     /// The colour model: colours of the target against those of its surroundings, learned while tracking. Off unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub colour: Option<colour::Settings>,
@@ -182,7 +178,6 @@ impl Ranges for Config {
         self.recogniser.ranges()?;
         self.discriminant.ranges()?;
         self.variation.ranges()?;
-        self.short_term.ranges()?;
         self.colour.ranges()?;
         #[cfg(feature = "learn")]
         self.online_training.ranges()?;

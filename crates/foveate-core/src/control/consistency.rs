@@ -128,12 +128,6 @@ impl ConsistencyMonitor {
         m.consistency
     }
 
-    /// Judged what `other` judged, by its own threshold.
-    pub fn follow(&mut self, other: &Self) {
-        self.state = other.state.clone();
-        self.state.consistency.holds = self.state.consistency.deficit <= self.settings.threshold;
-    }
-
     /// Whether the frame of this number, judged last, is one to learn from, while the target is searched for (`lost`) or not.
     pub fn learns(&self, frame: u64, lost: bool) -> bool {
         let Consistency { holds, deficit, .. } = self.state.consistency;

@@ -4,8 +4,7 @@
 //! them is the target. The search refines the best of them. If one fits well and better than the estimate, a share of
 //! the predicted particles is drawn again from there, in the same frame. It is a proposal (`candidates.rs`), with p/q
 //! of a target that leaps anywhere in this neighbourhood with a small `chance`. There is no leap without better
-//! evidence than staying, and none onto a remembered place beside the target (`[distractors] remembered`). In doubt
-//! (`doubt`) the search ignores the short-term memory, which learns an occluder while it slides over the target.
+//! evidence than staying, and none onto a remembered place beside the target (`[distractors] remembered`).
 //!
 //! Deviation: the paper's proposal is blind to the picture but for a detector's boxes (section 5.1).
 
@@ -30,13 +29,11 @@ pub struct LocalSearchSettings {
     pub places: usize,
     /// Standard deviation about a place, above 0 to 10.
     pub spread: f64,
-    /// P(lost) of the previous frame from which on this search ignores `[short_term]`, 0 to 1.
-    pub doubt: f64,
 }
 
 impl Default for LocalSearchSettings {
     fn default() -> Self {
-        Self { fit: 0.5, chance: 0.02, share: 0.2, places: 3, spread: 0.15, doubt: 0.2 }
+        Self { fit: 0.5, chance: 0.02, share: 0.2, places: 3, spread: 0.15 }
     }
 }
 
@@ -47,7 +44,6 @@ impl LocalSearchSettings {
         within("local_search.chance", self.chance, 1e-9, 1.0)?;
         within("local_search.share", self.share, 1e-3, 1.0)?;
         within("local_search.spread", self.spread, 1e-3, 10.0)?;
-        within("local_search.doubt", self.doubt, 0.0, 1.0)?;
         within("local_search.places", self.places as f64, 1.0, 6.0)
     }
 }

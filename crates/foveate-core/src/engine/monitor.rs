@@ -22,8 +22,6 @@ const REMEMBERED_EVERY: u64 = 8;
 pub struct Monitor {
     /// Compares the evidence with the reference.
     pub(super) consistency: ConsistencyMonitor,
-    /// Compares the evidence with the short-term memory in the same way; `None` without such a memory.
-    pub(super) short_term: Option<ShortTermMonitor>,
     /// P(lost) and the status.
     pub(super) loss: LossMonitor,
     /// Searches for distractors around the target; `None` to take them from the particles alone.
@@ -32,20 +30,11 @@ pub struct Monitor {
     pub(super) surroundings: Option<Surroundings>,
 }
 
-/// Decides which frames update the short-term memory.
-#[derive(Debug)]
-pub(super) struct ShortTermMonitor {
-    pub consistency: ConsistencyMonitor,
-    /// Largest deficit of a single frame that updates it.
-    gate: f64,
-}
-
 impl Monitor {
     /// Creates a monitor with these settings and no history.
     pub fn new(consistency: ConsistencySettings, model: ConfidenceModel) -> Self {
         Self {
             consistency: ConsistencyMonitor::new(consistency),
-            short_term: None,
             loss: LossMonitor::new(model),
             distractors: None,
             surroundings: None,
@@ -56,15 +45,6 @@ impl Monitor {
         let remembering = settings.as_ref().filter(|settings| settings.remembered > 0);
         let surroundings = remembering.map(|settings| Surroundings::new(settings.remembered, settings.count()));
         Self { distractors: settings.map(DistractorSearch::new), surroundings, ..self }
-    }
-    /// Adds a monitor for an appearance with a short-term memory, which learns up to larger deficits: `threshold` for the smoothed
-    /// deficit, `gate` for that of one frame.
-    pub fn with_short_term(self, settings: &ConsistencySettings, short_term: Option<(f64, f64)>) -> Self {
-        let short_term = short_term.map(|(threshold, gate)| {
-            let settings = ConsistencySettings { threshold, ..settings.clone() };
-            ShortTermMonitor { consistency: ConsistencyMonitor::new(settings), gate }
-        });
-        Self { short_term, ..self }
     }
     /// Returns the fitted model of P(lost).
     pub fn model(&self) -> &ConfidenceModel {
@@ -87,9 +67,6 @@ impl Monitor {
     /// Drops the evidence of the last frames.
     pub(super) fn reset_consistency(&mut self) {
         self.consistency.reset();
-        if let Some(it) = &mut self.short_term {
-            it.consistency.reset();
-        }
     }
 
     /// Returns whether the first of two places looks more like the surroundings of the target in remembered frames than the second does.
@@ -113,12 +90,11 @@ impl Monitor {
     ) -> FrameEvidence {
         let reference = view.target.reference;
         let unit = view.target.unit * estimate.mean.log_scale.exp();
-        let mut evidence = belief.log_evidence / looks.count();
+        let evidence = belief.log_evidence / looks.count();
         let (mut distractor, mut consistency, mut elsewhere) = (None, self.consistency.last(), 0.0);
         if view.is_judged {
-            (evidence, distractor) = self.long_term(view, belief, estimate, evidence, around);
             // Scaled by the visible fraction, as the log-likelihood of the target is.
-            distractor = distractor.map(|best| view.visibility.fraction() * best);
+            distractor = around.best.map(|best| view.visibility.fraction() * best);
             consistency = self.consistency.judge(evidence, &belief.log_weights, reference);
             elsewhere = self.was_elsewhere(view, &estimate.mean, percept);
         }
@@ -137,26 +113,6 @@ impl Monitor {
             unit,
             alarm: 0.0,
         }
-    }
-
-    /// Returns the evidence, and the log-likelihood of the best distractor, without the short-term memory, which may have learned another
-    /// object.
-    fn long_term(
-        &mut self,
-        view: &mut View<'_>,
-        belief: &Particles,
-        estimate: &Estimate,
-        evidence: f64,
-        around: &Distractors,
-    ) -> (f64, Option<f64>) {
-        let Some(short_term) = &mut self.short_term else { return (evidence, around.best) };
-        let others = if around.best.is_some() { &around.states[..] } else { &[] };
-        let Some(long_term) = view.long_term_scores(&estimate.mean, others) else {
-            short_term.consistency.follow(&self.consistency);
-            return (evidence, around.best);
-        };
-        short_term.consistency.judge(evidence, &belief.log_weights, view.target.reference);
-        (evidence + view.visibility.fraction() * long_term.change, around.best.map(|_| long_term.best))
     }
 
     /// Returns how much more the estimate looks like the surroundings of the target in remembered frames than like the target, −2 to 2.
@@ -199,11 +155,7 @@ impl Monitor {
             // They were trained on another object.
             self.forget_learned(view.appearance.memory());
         }
-        if lost {
-            if let Some(memory) = view.appearance.memory() {
-                memory.forget_short_term();
-            }
-        } else if verdict.own < CERTAIN && view.is_judged && t.is_multiple_of(REMEMBERED_EVERY) {
+        if !lost && verdict.own < CERTAIN && view.is_judged && t.is_multiple_of(REMEMBERED_EVERY) {
             self.remember(view, &estimate.mean);
         }
         misled
@@ -239,17 +191,10 @@ impl Monitor {
         found.search(self.distractors.as_mut(), view, estimate)
     }
 
-    /// Returns the memories that frame `t` may update; `None` for no update.
+    /// Returns how the models may learn frame `t`; `None` for no update.
     pub(super) fn lesson(&self, t: u64) -> Option<Lesson> {
-        let lost = self.loss.is_searching();
-        let learns = self.consistency.learns(t, lost) && !self.loss.is_doubted();
-        let short_term =
-            |it: &ShortTermMonitor| it.consistency.learns(t, false) && it.consistency.last().frame_deficit <= it.gate;
-        let lesson = Lesson {
-            deficit: learns.then(|| self.consistency.last().frame_deficit),
-            short_term: !lost && self.short_term.as_ref().is_some_and(short_term),
-        };
-        (learns || lesson.short_term).then_some(lesson)
+        let learns = self.consistency.learns(t, self.loss.is_searching()) && !self.loss.is_doubted();
+        learns.then(|| Lesson { deficit: self.consistency.last().frame_deficit })
     }
 
     /// Trains the models on frame `t` if the evidence is consistent with the target at the estimate: on the target there, and on the
@@ -310,12 +255,8 @@ mod tests {
     use super::super::toy::{Learned, Toy, model, state};
     use super::*;
 
-    fn short_term(gate: f64) -> Monitor {
-        Monitor::new(Default::default(), model()).with_short_term(&Default::default(), Some((10.0, gate)))
-    }
-
-    fn learning(nats: f64) -> Toy {
-        Toy { learned: Some(Learned { nats, ..Learned::default() }), ..Toy::at(50.0) }
+    fn learning() -> Toy {
+        Toy { learned: Some(Learned::default()), ..Toy::at(50.0) }
     }
 
     /// The evidence of a frame with this deficit.
@@ -340,15 +281,6 @@ mod tests {
         assert_eq!(elsewhere(&mut monitor), 0.0);
     }
 
-    /// Without a short-term memory that has learned, its monitor has the state of the other.
-    #[test]
-    fn the_short_term_monitor_follows_the_other() {
-        let mut monitor = short_term(1.0);
-        (0..2).for_each(|_| _ = evidence(&mut monitor));
-        let short_term = monitor.short_term.as_ref().expect("it has one").consistency.last();
-        assert!(short_term == monitor.consistency.last() && short_term != Consistency::default());
-    }
-
     /// P(lost) changes in judged frames only, and a mostly occluded target has no distractors.
     #[test]
     fn an_occluded_target_is_not_judged() {
@@ -365,44 +297,11 @@ mod tests {
         }
     }
 
-    /// The short-term memory learns frames with a deficit up to its gate, while the target is not lost.
-    #[test]
-    fn the_short_term_memory_learns_up_to_its_gate() {
-        for (gate, lost, learns) in [(1.0, false, true), (0.1, false, false), (1.0, true, false)] {
-            let mut monitor = short_term(gate);
-            for columns in [[50.0, 50.0], [54.0, 54.0]] {
-                look(&mut learning(0.0), 1.0, |view| {
-                    let (belief, looks) = weighed(view, &columns);
-                    let found = (&Percept::default(), &Distractors::default());
-                    monitor.evidence(view, &belief, &looks, &estimate(columns[0]), found)
-                });
-            }
-            if lost {
-                let bad = with_deficit(&mut monitor, 1.0);
-                (0..5).for_each(|_| _ = monitor.judge(true, &bad));
-                assert!(monitor.loss.is_searching());
-            }
-            assert_eq!(monitor.lesson(1).is_some_and(|lesson| lesson.short_term), learns, "gate {gate}, lost {lost}");
-        }
-    }
-
-    /// A lost target resets the short-term memory.
-    #[test]
-    fn a_loss_resets_the_short_term_memory() {
-        for lost in [false, true] {
-            let (mut monitor, mut toy) = (short_term(1.0), learning(3.0));
-            let shown = with_deficit(&mut monitor, f64::from(u8::from(lost)));
-            let verdict = (0..5).map(|_| monitor.judge(true, &shown)).last().expect("five");
-            look(&mut toy, 1.0, |view| monitor.revise(view, &verdict, &estimate(50.0), (false, 1)));
-            assert_eq!(toy.learned.expect("it learns").nats, if lost { 0.0 } else { 3.0 });
-        }
-    }
-
     /// A judged frame trains on the places among the particles that look like the target, if there is no search around it.
     #[test]
     fn a_judged_frame_is_learned_with_distractors() {
         for (fraction, lessons) in [(1.0, vec![1]), (0.3, vec![])] {
-            let (mut monitor, mut toy) = (Monitor::new(Default::default(), model()), learning(0.0));
+            let (mut monitor, mut toy) = (Monitor::new(Default::default(), model()), learning());
             evidence(&mut monitor);
             look(&mut toy, fraction, |view| {
                 let (mut belief, _) = weighed(view, &[50.0, 80.0]);
@@ -419,7 +318,7 @@ mod tests {
         for first_frame in [false, true] {
             let settings = DistractorSettings { reach: 2.0, step: 1.0, remembered: 2, first_frame };
             let mut monitor = Monitor::new(Default::default(), model()).with_distractors(Some(settings));
-            let mut toy = learning(0.0);
+            let mut toy = learning();
             look(&mut toy, 1.0, |view| monitor.init_surroundings(view, &state(50.0)));
             assert_eq!(toy.learned.expect("it learns").lessons.len(), usize::from(first_frame));
         }

@@ -47,7 +47,6 @@ impl Engine {
             "policy": gaze.policy.save(),
             "appearance": appearance.save(),
             "consistency": monitor.consistency.state,
-            "short_term": monitor.short_term.as_ref().map(|it| &it.consistency.state),
             "confidence": monitor.loss.state,
             "surroundings": monitor.surroundings.as_ref().map(|it| &it.state),
             "recognizer": recognition.as_ref().map(Recognition::save),
@@ -71,9 +70,6 @@ impl Engine {
         }
         gaze.policy.load(&saved.part("policy"))?;
         monitor.consistency.load(&saved.part("consistency"))?;
-        if let Some(it) = &mut monitor.short_term {
-            it.consistency.load(&saved.part("short_term"))?;
-        }
         monitor.loss.state = saved.part_state("confidence", &())?;
         if let Some(it) = &mut monitor.surroundings {
             it.state = saved.part_state("surroundings", &(&*it, appearance.width()))?;

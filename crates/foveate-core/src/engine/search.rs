@@ -5,7 +5,7 @@ use super::distractors::Distractors;
 use super::filter::Filter;
 use super::monitor::Monitor;
 use super::particles::Particles;
-use super::view::{Looks, View, set_short_term_aside};
+use super::view::{Looks, View};
 use crate::control::{ByColour, CLOSER, LocalSearch, REFINEMENTS, WORTH};
 use crate::geometry::State;
 use foveate_base::rng::{Purpose, Streams};
@@ -128,9 +128,7 @@ impl Filter {
     }
 
     /// Draws some of the states again from the places around the estimate, if one of them fits better than the estimate does, fits well,
-    /// and was not seen beside the target before. In doubt the scores leave out the short-term memory, which may have learned an object
-    /// that occludes the target; if another place is better, that memory is reset. Returns the distractors around the estimate, in the
-    /// buffer of `found`.
+    /// and was not seen beside the target before. Returns the distractors around the estimate, in the buffer of `found`.
     fn search_around(
         &mut self,
         view: &mut View<'_>,
@@ -142,25 +140,10 @@ impl Filter {
     ) -> Distractors {
         let Some(search) = self.local_search.as_deref_mut() else { return found };
         let estimate = belief.belief().mean();
-        let is_doubtful = monitor.loss.last().own >= search.settings().doubt;
-        let aside = is_doubtful && set_short_term_aside(view.appearance, true);
-        let mut found = found.search(monitor.distractors.as_mut(), view, &estimate);
-        let least = better_place(search, monitor, view, &estimate, &found);
-        if aside {
-            set_short_term_aside(view.appearance, false);
-            found = found.forget();
-        }
-        let Some(least) = least else { return found };
+        let found = found.search(monitor.distractors.as_mut(), view, &estimate);
+        let Some(least) = better_place(search, monitor, view, &estimate, &found) else { return found };
         search.candidates.draw(least, &mut belief.states, &mut belief.log_importance, &mut belief.drawn, streams);
         belief.apply_detection_likelihood(self.detection_likelihood.as_ref(), view);
-        if aside {
-            // The log-likelihoods of all particles change without the short-term memory.
-            if let Some(memory) = view.appearance.memory() {
-                memory.forget_short_term();
-            }
-            belief.drawn.clear();
-            belief.drawn.extend(0..belief.states.len());
-        }
         belief.weigh_drawn(view, looks);
         found
     }
@@ -192,9 +175,9 @@ fn better_place(
 #[cfg(test)]
 mod tests {
     use super::super::tests::{beside, evidence, look, weighed};
-    use super::super::toy::{Learned, OFF, SLOPE, Toy, parts};
+    use super::super::toy::{OFF, SLOPE, Toy, parts};
     use super::*;
-    use crate::control::{Consistency, DistractorSettings, FrameEvidence};
+    use crate::control::DistractorSettings;
 
     /// A target that is new or fast is followed to its colours, with the velocity of that leap, if its shape fits nowhere near; another one
     /// is not, and neither is one with the colours of its surroundings.
@@ -226,31 +209,23 @@ mod tests {
         }
     }
 
-    /// In doubt, places are compared without the short-term memory. If another place is better, that memory is reset and all particles are
-    /// weighed again.
+    /// Some particles restart at a better place; each keeps the weight of its own place.
     #[test]
-    fn a_search_in_doubt_ignores_the_short_term_memory() {
-        for doubtful in [false, true] {
-            let mut monitor = beside(false);
-            let shown = evidence(&mut monitor);
-            let deficit = f64::from(u8::from(doubtful));
-            let shown = FrameEvidence { consistency: Consistency { deficit, ..shown.consistency }, ..shown };
-            monitor.judge(true, &shown);
-            let mut toy = Toy { learned: Some(Learned { nats: 3.0, ..Learned::default() }), ..Toy::at(70.0) };
-            let mut filter = parts(Toy::at(70.0)).filter.with_local_search(Some(LocalSearch::new(Default::default())));
-            let belief = look(&mut toy, 1.0, |view| {
-                let (mut belief, mut looks) = weighed(view, &[50.0; 10]);
-                let when = (false, Streams::new(1, 0), 60);
-                filter.search(view, &mut belief, &mut looks, &mut monitor, when, Distractors::default());
-                belief
-            });
-            let learned = toy.learned.expect("it learns");
-            let nats = if doubtful { 0.0 } else { 3.0 };
-            assert!(learned.nats == nats && !learned.aside && !belief.drawn.is_empty(), "doubtful {doubtful}");
-            for (i, particle) in belief.states.iter().enumerate() {
-                let fit = (-SLOPE * (particle.x - 70.0).abs()).max(OFF) + nats;
-                assert!((belief.log_weights[i] - belief.log_importance[i] - fit).abs() < 1e-9, "particle {i}");
-            }
+    fn drawn_particles_are_weighed_where_they_are() {
+        let mut monitor = beside(false);
+        let shown = evidence(&mut monitor);
+        monitor.judge(true, &shown);
+        let mut filter = parts(Toy::at(70.0)).filter.with_local_search(Some(LocalSearch::new(Default::default())));
+        let belief = look(&mut Toy::at(70.0), 1.0, |view| {
+            let (mut belief, mut looks) = weighed(view, &[50.0; 10]);
+            let when = (false, Streams::new(1, 0), 60);
+            filter.search(view, &mut belief, &mut looks, &mut monitor, when, Distractors::default());
+            belief
+        });
+        assert!(!belief.drawn.is_empty());
+        for (i, particle) in belief.states.iter().enumerate() {
+            let fit = (-SLOPE * (particle.x - 70.0).abs()).max(OFF);
+            assert!((belief.log_weights[i] - belief.log_importance[i] - fit).abs() < 1e-9, "particle {i}");
         }
     }
 }

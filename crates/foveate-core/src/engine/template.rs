@@ -153,9 +153,7 @@ mod tests {
         let distractors = DistractorSettings { reach: 2.0, step: 1.0, remembered: 2, first_frame: true };
         let mut parts = parts(Toy { learned: Some(Learned::default()), ..Toy::at(50.0) });
         parts.gaze = parts.gaze.with_policy(Box::new(Hedge::new(Grid::default().gazes(), 0.5).expect("gazes")));
-        parts.monitor = Monitor::new(Default::default(), model())
-            .with_distractors(Some(distractors))
-            .with_short_term(&Default::default(), Some((1.0, 1.0)));
+        parts.monitor = Monitor::new(Default::default(), model()).with_distractors(Some(distractors));
         let recognition = turning(10).with_alarm().expect("two classes");
         started(parts.with_recognition(Some(recognition)).with_box_regression(Some(boxes)), 0)
     }
@@ -200,7 +198,7 @@ mod tests {
         for part in ["frame", "context", "visible", "policy", "recognizer"] {
             assert_eq!(after.part(part), before.part(part), "{part}");
         }
-        for part in ["consistency", "short_term", "surroundings", "box_regression"] {
+        for part in ["consistency", "surroundings", "box_regression"] {
             assert_ne!(before.part(part), fresh.save().part(part), "{part} had learned");
             assert_eq!(after.part(part), fresh.save().part(part), "{part}");
         }

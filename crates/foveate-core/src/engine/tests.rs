@@ -230,22 +230,6 @@ fn a_lost_target_keeps_its_size() {
     }
 }
 
-/// The short-term memory is left out, scaled by the visible fraction as all evidence is: the rest does not depend on its learning.
-#[test]
-fn the_evidence_leaves_out_the_short_term_memory() {
-    for fraction in [1.0, 0.6] {
-        let settings = Default::default();
-        let mut monitor = Monitor::new(settings, toy::model()).with_short_term(&Default::default(), Some((1.0, 1.0)));
-        let mut toy = Toy { learned: Some(Learned { nats: 3.0, ..Learned::default() }), ..Toy::at(50.0) };
-        let shown = look(&mut toy, fraction, |view| {
-            let (belief, looks) = weighed(view, &[50.0]);
-            close(belief.log_evidence, 3.0 * fraction);
-            monitor.evidence(view, &belief, &looks, &estimate(50.0), (&Percept::default(), &Distractors::default()))
-        });
-        close(shown.evidence, 0.0);
-    }
-}
-
 /// The second tracker's appearance is reset if the first tracker was on a wrong object.
 #[test]
 fn a_misled_tracker_resets_the_memory_of_its_second() {

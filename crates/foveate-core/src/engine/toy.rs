@@ -37,11 +37,9 @@ pub(crate) struct Toy {
     pub learned: Option<Learned>,
 }
 
-/// A memory that adds nats to the likelihood of every place, in its short-term part.
+/// A memory that counts what it receives.
 #[derive(Default)]
 pub(crate) struct Learned {
-    pub nats: f64,
-    pub aside: bool,
     /// How often everything was forgotten.
     pub forgotten: Arc<AtomicUsize>,
     /// The number of distractors in each lesson.
@@ -55,15 +53,8 @@ impl Memory for Learned {
     fn init_distractors(&mut self, _: &Image, _: &State, distractors: &[State]) {
         self.lessons.push(distractors.len());
     }
-    fn forget_short_term(&mut self) {
-        self.nats = 0.0;
-    }
     fn forget(&mut self) {
         self.forgotten.fetch_add(1, Ordering::Relaxed);
-    }
-    fn set_short_term_aside(&mut self, aside: bool) -> bool {
-        self.aside = aside;
-        true
     }
 }
 
@@ -86,8 +77,7 @@ impl Appearance for Toy {
     }
     fn prepare(&mut self, _: &Image, _: &[State], _: &[Gaze]) {}
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
-        let learned = self.learned.as_ref().filter(|it| !it.aside).map_or(0.0, |it| it.nats);
-        let fit = |state: &State| learned + (-SLOPE * (state.x + gaze.u * EXTENT.half_w - self.at).abs()).max(OFF);
+        let fit = |state: &State| (-SLOPE * (state.x + gaze.u * EXTENT.half_w - self.at).abs()).max(OFF);
         out.iter_mut().zip(states).for_each(|(out, state)| *out = fit(state));
     }
     fn glimpse(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {

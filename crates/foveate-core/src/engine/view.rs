@@ -119,25 +119,6 @@ impl<'a> View<'a> {
         &self.scratch.scores
     }
 
-    /// Computes log p(h | x, a) of the estimate with and without the short-term memory, and of the best of the `others` without it; `None`
-    /// without a short-term memory.
-    pub(super) fn long_term_scores(&mut self, estimate: &State, others: &[State]) -> Option<LongTerm> {
-        let Scratch { states, scores, .. } = &mut *self.scratch;
-        states.clear();
-        states.push(*estimate);
-        states.extend_from_slice(others);
-        scores.resize(states.len(), 0.0);
-        if !set_short_term_aside(self.appearance, true) {
-            return None;
-        }
-        self.appearance.log_likelihood(states, Gaze::CENTRE, scores);
-        set_short_term_aside(self.appearance, false);
-        let mut here = [0.0];
-        self.appearance.log_likelihood(&[*estimate], Gaze::CENTRE, &mut here);
-        let best = scores[1..].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        Some(LongTerm { change: scores[0] - here[0], best })
-    }
-
     /// Returns the glimpse at a state under the chosen gaze of the plan.
     pub(super) fn glimpse(&mut self, state: &State, chosen: Gaze, mut percept: Percept) -> Percept {
         let gaze = chosen.relative_to(self.appearance.committed_gaze());
@@ -147,19 +128,6 @@ impl<'a> View<'a> {
         percept.gaze = chosen;
         percept
     }
-}
-
-/// Excludes the short-term memory from log-likelihoods, or includes it again. Returns whether there is one that has been trained.
-pub(super) fn set_short_term_aside(appearance: &mut dyn Appearance, aside: bool) -> bool {
-    appearance.memory().is_some_and(|memory| memory.set_short_term_aside(aside))
-}
-
-/// Log-likelihoods without the short-term memory.
-pub(super) struct LongTerm {
-    /// Log-likelihood of the estimate without the short-term memory, less that with it, nats.
-    pub change: f64,
-    /// The log-likelihood of the best other place; −∞ if there is none.
-    pub best: f64,
 }
 
 impl Looks {

@@ -2,8 +2,13 @@
 
 use super::Expectation;
 use foveate_base::{Error, Result};
-use foveate_gp::{Hyper, Kernel, Priors, StudentT};
+use foveate_gp::{Hyper, Priors, StudentT};
 use serde::{Deserialize, Serialize};
+
+/// Evaluations of the posterior by DIRECT in a frame: a fraction of a millisecond.
+pub(super) const EVALUATIONS: usize = 150;
+/// Least divisor when rewards are normalised, so that equal rewards do not become noise.
+pub(super) const FLOOR: f64 = 0.02;
 
 /// Settings of [`GpUcb`](super::GpUcb); lengths are in template units (1 = half the target's box).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -11,8 +16,6 @@ use serde::{Deserialize, Serialize};
 pub struct Bayes {
     /// Half the side of the square of gazes.
     pub reach: f64,
-    /// Covariance of the rewards of two gazes.
-    pub kernel: Kernel,
     /// Number of past rewards used, 2 to 1000.
     pub window: usize,
     /// Random gazes at the start; the paper's 10.
@@ -21,16 +24,12 @@ pub struct Bayes {
     pub start: f64,
     /// Frames between two fits of the hyper-parameters; the paper's is 1.
     pub refit: usize,
-    /// Evaluations of the posterior by DIRECT.
-    pub evaluations: usize,
     /// δ of βₜ, above 0 to below 1.
     pub delta: f64,
     /// Factor of √βₜ; the paper's is 1, 0 never explores, 0 to 10.
     pub exploration: f64,
     /// Whether rewards are normalised to mean 0 and deviation 1.
     pub standardise: bool,
-    /// Least divisor of that normalisation, 0 to 1.
-    pub floor: f64,
     /// After a reward this many deviations below the mean, the next frame does not explore.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub guard: Option<f64>,
@@ -47,16 +46,13 @@ impl Default for Bayes {
     fn default() -> Self {
         Self {
             reach: 0.5,
-            kernel: Kernel::SquaredExponential,
             window: 100,
             warm_up: 10,
             start: 0.2,
             refit: 5,
-            evaluations: 150,
             delta: 0.001,
             exploration: 1.0,
             standardise: true,
-            floor: 0.02,
             guard: None,
             caution: 0.0,
             saliency: 0.0,
@@ -80,10 +76,8 @@ impl Bayes {
             b if !(1..=1_000_000).contains(&b.warm_up) => wrong("warm_up", "1 to 1000000 frames", b.warm_up as f64),
             b if !(0.0..=b.reach).contains(&b.start) => wrong("start", "0 to reach", b.start),
             b if !(1..=1_000_000).contains(&b.refit) => wrong("refit", "1 to 1000000 frames", b.refit as f64),
-            b if !(1..=100_000).contains(&b.evaluations) => wrong("evaluations", "1 to 100000", b.evaluations as f64),
             b if !(b.delta > 0.0 && b.delta < 1.0) => wrong("delta", "above 0 to below 1", b.delta),
             b if !(0.0..=10.0).contains(&b.exploration) => wrong("exploration", "0 to 10", b.exploration),
-            b if !(0.0..=1.0).contains(&b.floor) => wrong("floor", "0 to 1", b.floor),
             b if b.guard.is_some_and(|g| !(0.0..=100.0).contains(&g)) => {
                 wrong("guard", "0 to 100 deviations", b.guard.unwrap_or(f64::NAN))
             }

@@ -17,7 +17,6 @@ use super::gains::{Gains, GainsState, draw};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
 use crate::geometry::Gaze;
 use crate::saved_state::SavedState;
-use foveate_base::error::within;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 use std::f64::consts::E;
@@ -43,7 +42,6 @@ pub enum Variant {
 #[derive(Clone, Debug)]
 pub struct Exp3 {
     variant: Variant,
-    haste: f64,
     /// Ĝ and p; for `Sharing`, Ĝ is the logarithm of weights whose largest is 1.
     gains: Gains,
     /// p̂.
@@ -68,18 +66,12 @@ impl Exp3 {
             }
             _ => {
                 let mixed = vec![0.0; gazes.len()];
-                let mut policy = Self { variant, haste: 1.0, gains: Gains::new(gazes, gamma), mixed };
+                let mut policy = Self { variant, gains: Gains::new(gazes, gamma), mixed };
                 policy.weigh();
                 return Ok(policy);
             }
         };
         Err(Error::Config(wrong))
-    }
-    /// Multiplies the published η by `haste`, 0.001 to 1000. The theorems hold up to 1; if rewards differ little, a larger value learns
-    /// sooner.
-    pub fn with_haste(self, haste: f64) -> Result<Self> {
-        within("exp3: haste", haste, 1e-3, 1e3)?;
-        Ok(Self { haste, ..self })
     }
     /// Returns γ and share of EXP3.S for `k` gazes, if the best gaze changes `changes` times in `frames` frames. The regret against the
     /// best such sequence is 2 √((e − 1) K T ((changes + 1) ln(KT) + e)) (Auer et al. 2002, corollary 8.3).
@@ -92,7 +84,7 @@ impl Exp3 {
     fn rates(&self) -> (f64, f64) {
         let k = self.gains.gazes.len() as f64;
         let log_k = k.max(2.0).ln();
-        let (gamma, eta) = match self.variant {
+        match self.variant {
             Variant::Implicit => {
                 let gamma = self.gains.rate(log_k / (2.0 * k), log_k / (4.0 * k));
                 (gamma, 2.0 * gamma)
@@ -103,8 +95,7 @@ impl Exp3 {
                 let gamma = self.gains.rate(k * log_k / (E - 1.0), k * log_k / (2.0 * (E - 1.0))).min(1.0);
                 (gamma, if self.variant == Variant::AsPrinted { gamma } else { gamma / k })
             }
-        };
-        (gamma, self.haste * eta)
+        }
     }
     /// Computes p and p̂ of the next frame.
     fn weigh(&mut self) {
@@ -176,7 +167,7 @@ mod tests {
     fn all_variants_conform() {
         for variant in VARIANTS {
             conformance::policy(&move || Box::new(exp3(variant, 0.2)));
-            conformance::policy(&move || Box::new(exp3(variant, 1.0).with_haste(20.0).expect("in range")));
+            conformance::policy(&move || Box::new(exp3(variant, 1.0)));
             conformance::policy(&move || {
                 Box::new(Exp3::new(vec![Gaze::CENTRE], variant, 0.5).expect("one gaze will do"))
             });
@@ -188,7 +179,6 @@ mod tests {
             assert!(Exp3::new(vec![], variant, 0.5).is_err());
             for wrong in [0.0, -1.0, 1.1, f64::NAN, f64::INFINITY] {
                 assert!(Exp3::new(vec![Gaze::CENTRE], variant, wrong).is_err());
-                assert!(wrong == 1.1 || exp3(variant, 0.1).with_haste(wrong).is_err());
             }
         }
         assert!(Exp3::new(vec![Gaze::CENTRE], Variant::AsPrinted, Schedule::Anytime).is_err());

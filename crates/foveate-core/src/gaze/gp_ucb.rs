@@ -9,7 +9,7 @@
 //! Deviation: the first gazes are drawn near the centre ([`Bayes::start`]), not over the whole square.
 //! Beyond the paper (its future work): [`Bayes::guard`], [`Bayes::caution`], [`Bayes::saliency`] and [`Bayes::rehearsal`].
 
-use super::bayes::Bayes;
+use super::bayes::{Bayes, EVALUATIONS, FLOOR};
 use super::prior::Prior;
 use super::{Context, Expectation, Plan, Policy, PolicySnapshot, Surface};
 use crate::geometry::Gaze;
@@ -17,7 +17,7 @@ use crate::saved_state::{SavedState, Valid, Validate};
 use foveate_base::Result;
 use foveate_base::rng::Rng;
 use foveate_gp::direct::{Direct, Form};
-use foveate_gp::{Gp, Priors, Saved};
+use foveate_gp::{Gp, Kernel, Priors, Saved};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -52,15 +52,15 @@ impl GpUcb {
         let window = settings.window;
         Ok(Self {
             priors: settings.priors()?,
-            process: Gp::new(settings.kernel, settings.first(), window),
+            process: Gp::new(Kernel::SquaredExponential, settings.first(), window),
             direct: Direct::new(Form::LocallyBiased),
             seen: 0,
             rewards: Vec::with_capacity(window),
             fixations: Vec::with_capacity(window),
             poor: false,
             prior: Prior::default(),
-            means: Vec::with_capacity(settings.evaluations),
-            variances: Vec::with_capacity(settings.evaluations),
+            means: Vec::with_capacity(EVALUATIONS),
+            variances: Vec::with_capacity(EVALUATIONS),
             settings,
         })
     }
@@ -82,7 +82,7 @@ impl GpUcb {
         let n = self.rewards.len() as f64;
         let mean = self.rewards.iter().sum::<f64>() / n;
         let sd = (self.rewards.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n).sqrt();
-        (mean, sd.max(self.settings.floor).max(1e-9))
+        (mean, sd.max(FLOOR))
     }
     /// Returns the mean and the divisor that standardise the window's rewards.
     fn units(&self) -> (f64, f64) {
@@ -135,10 +135,10 @@ impl Policy for GpUcb {
             let [u, v] = std::array::from_fn(|_| s.start * (2.0 * rng.random::<f64>() - 1.0));
             return plan.only(Gaze { u, v, arm: None });
         }
-        let (root_beta, evaluations, reach) = (self.exploration(context), s.evaluations, s.reach);
+        let (root_beta, reach) = (self.exploration(context), s.reach);
         let weight = s.prior_weight();
         let Self { process, direct, prior, means, variances, .. } = self;
-        let ([u, v], _) = direct.maximise_batches([-reach; 2], [reach; 2], evaluations, |gazes, values| {
+        let ([u, v], _) = direct.maximise_batches([-reach; 2], [reach; 2], EVALUATIONS, |gazes, values| {
             means.resize(gazes.len(), 0.0);
             variances.resize(gazes.len(), 0.0);
             process.predict_many(gazes, means, variances);
@@ -228,7 +228,6 @@ mod tests {
     use super::*;
     use crate::conformance;
     use foveate_base::rng::{Purpose, Streams};
-    use foveate_gp::Kernel;
 
     fn policy(settings: Bayes) -> GpUcb {
         GpUcb::new(settings).expect("settings in range")
@@ -239,7 +238,7 @@ mod tests {
         conformance::policy(&|| Box::new(policy(Bayes::default())));
         let printed = Bayes { standardise: false, refit: 1, start: 0.5, window: 20, ..Bayes::default() };
         conformance::policy(&|| Box::new(policy(printed.clone())));
-        let careful = Bayes { kernel: Kernel::Matern52, guard: Some(0.7), caution: 1.0, ..Bayes::default() };
+        let careful = Bayes { guard: Some(0.7), caution: 1.0, ..Bayes::default() };
         conformance::policy(&|| Box::new(policy(careful.clone())));
         let salient = Bayes { saliency: 1.0, ..Bayes::default() };
         conformance::policy(&|| Box::new(policy(salient.clone())));

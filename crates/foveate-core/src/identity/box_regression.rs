@@ -55,8 +55,6 @@ const MOST_FRAMES: u64 = 1 << 48;
 pub struct Settings {
     /// A file of `bench/train_box_regression.py`, or `builtin:natural-boxes`.
     pub weights: String,
-    /// Share of the correction that is applied; less if the network does not find the target there, 0 to 1.
-    pub gain: f64,
     /// Frames between two evaluations, 1 to 100.
     pub every: usize,
     /// Weight of the newest correction in the running mean, above 0 to 1.
@@ -67,14 +65,13 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { weights: "builtin:natural-boxes".into(), gain: 1.0, every: 3, rate: 0.7, follow: 0.0 }
+        Self { weights: "builtin:natural-boxes".into(), every: 3, rate: 0.7, follow: 0.0 }
     }
 }
 
 impl Settings {
     /// Fails if a number is out of range.
     pub fn check(&self) -> Result<()> {
-        within("box_regression.gain", self.gain, 0.0, 1.0)?;
         within("box_regression.every", self.every as f64, 1.0, 100.0)?;
         within("box_regression.rate", self.rate, 1e-3, 1.0)?;
         within("box_regression.follow", self.follow, 0.0, 1.0)
@@ -184,7 +181,7 @@ impl BoxRegression {
     /// The reported state for this estimate; call it once a frame. `answer` is the network's prediction, if already
     /// computed.
     pub fn moved(&mut self, image: &Image, state: &State, extent: Extent, answer: Option<Answer>) -> State {
-        let (rate, gain) = (self.settings.rate, self.settings.gain);
+        let rate = self.settings.rate;
         if self.is_due() {
             let answer = answer.unwrap_or_else(|| self.answer(image, state, extent));
             let Answer { offset: [u, v], log_scale, half_log_aspect, log_spread, lost } = answer;
@@ -199,8 +196,7 @@ impl BoxRegression {
             }
         }
         self.state.correction.frames += 1;
-        let ([u, v, log_scale, half_aspect], (half_w, half_h)) =
-            (self.state.correction.mean.map(|x| gain * x), state.half(extent));
+        let ([u, v, log_scale, half_aspect], (half_w, half_h)) = (self.state.correction.mean, state.half(extent));
         State {
             x: state.x + u * half_w,
             y: state.y + v * half_h,

@@ -26,15 +26,11 @@ use crate::geometry::{Extent, Gaze, State};
 mod ridge;
 mod saved;
 mod settings;
-mod short_term;
-mod two;
 mod variation;
 
 pub(super) use self::ridge::Learning;
 use self::ridge::{Regression, STEPS, Sums, outer};
 pub use self::settings::Settings;
-use self::short_term::Recent;
-pub use self::short_term::ShortTerm;
 pub use self::variation::{Covariance, Variation};
 
 /// Radii of the rings of places around the target, template units; eight places on each.
@@ -57,8 +53,6 @@ pub struct Discriminant {
     /// The packed triangle of the recent frames if memory is short; both triangles are then empty between frames.
     packed: Packed,
     weights: Vec<f32>,
-    /// The short-term memory, if configured.
-    short_term: Option<Recent>,
     pub(super) learning: Learning,
 }
 
@@ -77,15 +71,8 @@ impl Discriminant {
             recent: zeros,
             packed: Packed::default(),
             weights: vec![0.0; n],
-            short_term: None,
             learning: Learning::default(),
         }
-    }
-
-    /// The same, with a short-term memory.
-    pub fn with_short_term(self) -> Self {
-        let short_term = Some(Recent::new(&self.recent, &self.weights));
-        Self { short_term, ..self }
     }
 
     /// The same, with a covariance of features that is added to the sums.
@@ -130,13 +117,13 @@ impl Discriminant {
 
     /// Its distance: 0 at the target, about 1 elsewhere.
     pub fn distance(&self, features: &[f32]) -> f64 {
-        let (bias, weights) = self.in_use().split_last().expect("at least a bias");
+        let (bias, weights) = self.weights.split_last().expect("at least a bias");
         1.0 - f64::from(kernels::dot(features, weights) + bias)
     }
 
     /// A distance of features to a kept template, and this one: of all features once, for the cosine.
     pub(super) fn distances(&self, features: &[f32], to: Kind, template: &[f32]) -> (f64, f64) {
-        let (bias, weights) = self.in_use().split_last().expect("at least a bias");
+        let (bias, weights) = self.weights.split_last().expect("at least a bias");
         match to {
             Kind::Cosine => {
                 let [square, along, score] = kernels::dots(features, [template, weights]);
@@ -178,7 +165,7 @@ impl Discriminant {
     /// Learns from `rows` at `places`. The first frame resets everything else.
     pub(super) fn learn(&mut self, first: bool) {
         self.unpack();
-        let Self { regression, first_rows, first: begun, recent, weights, short_term, learning, .. } = self;
+        let Self { regression, first_rows, first: begun, recent, weights, learning, .. } = self;
         let n = weights.len();
         if first {
             recent.learn(learning, n, (0.0, 1.0));
@@ -189,9 +176,21 @@ impl Discriminant {
         }
         recent.learn(learning, n, regression.settings.fading());
         regression.solve(begun, recent, weights, learning, STEPS.1);
-        if let Some(short_term) = short_term {
-            short_term.learn_too(regression, begun, learning);
-        }
+    }
+
+    /// Resets everything that was learned since the first frame.
+    pub(super) fn restart(&mut self) {
+        self.unpack();
+        self.recent.gram.clone_from(&self.first.gram);
+        self.recent.cross.clone_from(&self.first.cross);
+        self.fit_anew();
+    }
+
+    /// Fits the sums of the first frame, starting from zero weights.
+    fn fit_anew(&mut self) {
+        let Self { regression, first, recent, weights, learning, .. } = self;
+        weights.fill(0.0);
+        regression.solve(first, recent, weights, learning, STEPS.0);
     }
 }
 
@@ -293,12 +292,10 @@ mod tests {
     #[test]
     fn a_reset_keeps_the_first_frame_only() {
         let first = learned(Settings::default(), 1);
-        let mut it = learned(Settings::default(), 6).with_short_term();
-        it.learn_short_term();
+        let mut it = learned(Settings::default(), 6);
         it.compact();
         it.restart();
         assert_eq!((&it.weights, &it.recent, &it.first), (&first.weights, &first.first, &first.first));
-        assert!(!it.is_apart());
     }
 
     #[test]

@@ -381,18 +381,6 @@ impl Memory for GazeAppearance {
     fn init_distractors(&mut self, image: &Image, state: &State, distractors: &[State]) {
         self.learn_first(image, state, distractors);
     }
-
-    fn set_short_term_aside(&mut self, aside: bool) -> bool {
-        let Some(it) = self.discriminant.as_mut().filter(|it| it.is_apart()) else { return false };
-        it.set_aside(aside);
-        true
-    }
-
-    fn forget_short_term(&mut self) {
-        if let Some(discriminant) = &mut self.discriminant {
-            discriminant.forget();
-        }
-    }
 }
 
 #[cfg(all(test, feature = "learn"))]

@@ -75,11 +75,8 @@ pub struct Percept {
 /// What may be learned from a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lesson {
-    /// The evidence deficit of the frame: 0 if the evidence is as on the target, 1 if it is as elsewhere. `None` if nothing is to be
-    /// learned for long.
-    pub deficit: Option<f64>,
-    /// Whether the short-term memory, if there is one, learns where nothing is learned for long.
-    pub short_term: bool,
+    /// The evidence deficit of the frame: 0 if the evidence is as on the target, 1 if it is as elsewhere.
+    pub deficit: f64,
 }
 
 /// A picture of the target, and where in it the target is.
@@ -184,12 +181,6 @@ pub trait Memory {
     /// Learns the first frame again, with places that look like the target there and are not: hard negatives, which are never forgotten.
     /// Called after [`Appearance::init_template`], with the same picture and state.
     fn init_distractors(&mut self, _image: &Image, _state: &State, _distractors: &[State]) {}
-    /// Leaves the short-term memory out of log-likelihoods, or takes it in again. Returns whether there is one that has learned.
-    fn set_short_term_aside(&mut self, _aside: bool) -> bool {
-        false
-    }
-    /// Forgets the short-term memory.
-    fn forget_short_term(&mut self) {}
 }
 
 /// Computes probabilities of classes from looks at the target (section 2.2).

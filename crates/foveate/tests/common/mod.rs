@@ -87,15 +87,6 @@ pub(crate) fn natural(particles: usize) -> Blueprint {
     Config { particles, ..config }.check(&Folder::here()).expect("a good configuration")
 }
 
-/// `natural` with the short-term memory only, for evidence that is worse than that of frame 1.
-pub(crate) fn learning_for_now(particles: usize) -> Blueprint {
-    let config = natural(particles).config().clone();
-    let config = ["consistency.threshold=0", "discriminant.gate=0", "short_term.threshold=2"]
-        .into_iter()
-        .fold(config, |config, setting| config.set(setting).expect("a key"));
-    config.check(&Folder::here()).expect("a good configuration")
-}
-
 /// A Gaussian machine of random weights: some units are on, some off, at any glimpse.
 pub(crate) fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
     let mut rng = Streams::new(11, 0).rng(0);

@@ -93,7 +93,7 @@ fn the_covariance_includes_the_expected_errors() {
 /// The particles' share of the correction is no longer in the correction: the reported box stays.
 #[test]
 fn what_the_particles_take_leaves_the_report_as_it_is() {
-    let settings = Settings { every: 3, gain: 1.0, follow: 0.3, ..Settings::default() };
+    let settings = Settings { every: 3, follow: 0.3, ..Settings::default() };
     let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
     let mut boxes = BoxRegression::new(network, settings);
     let (image, extent) = (frame(0, 3).image, Extent::of(&INIT));
@@ -156,12 +156,12 @@ fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
         let update = |i| !tracker.update(&frame(i, 3).image).expect("a picture of the first size").is_usable();
         frames.map(update).last().expect("a frame")
     };
-    let mut tracked = start(&["short_term=none"]);
+    let mut tracked = start(&[]);
     let first = learned(&tracked);
     assert!(!run(&mut tracked, 1..9), "it is there");
     assert_ne!(learned(&tracked), first);
     // Log odds of -6 and more count as 18 then.
-    let gone = ["short_term=none", "confidence.absence.weight=1", "confidence.absence.bias=24"];
+    let gone = ["confidence.absence.weight=1", "confidence.absence.bias=24"];
     let mut misled = start(&gone);
     // A state loads only into a tracker of its own settings; this one is given those of the other.
     let mut saved = json(&tracked.save());

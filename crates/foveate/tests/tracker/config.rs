@@ -154,7 +154,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
 #[test]
 fn parts_of_a_discriminant_ask_for_one() {
     let without = GOOD.split("[discriminant]").next().expect("what is before it");
-    for section in ["[distractors]", "[short_term]", "[variation]"] {
+    for section in ["[distractors]", "[variation]"] {
         let said = check(&format!("{without}{section}\n")).expect_err("it has no discriminant").to_string();
         let name = section.trim_matches(['[', ']']);
         for word in [name, "add [discriminant]", &format!("leave {section} out")] {

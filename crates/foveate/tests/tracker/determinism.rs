@@ -1,6 +1,6 @@
 //! Nothing but seed, configuration and video changes a track: not threads, observers, other targets, or a pause.
 
-use crate::common::{INIT, POLICIES, blueprint, frame, json, learning_for_now, natural, truth};
+use crate::common::{INIT, POLICIES, blueprint, frame, json, natural, truth};
 use foveate::Seen;
 use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
@@ -59,7 +59,6 @@ fn each(check: impl Fn(&str, &Blueprint)) {
         }
     }
     check("natural", &natural(PARTICLES));
-    check("natural, learning for now", &learning_for_now(PARTICLES));
     let committee = Config { committee: 3, ..natural(PARTICLES).config().clone() };
     check("natural, three that vote", &committee.check(&Folder::here()).expect("parts that fit"));
 }
@@ -149,19 +148,6 @@ fn a_saved_tracker_goes_on_bit_for_bit() {
             assert!(go(&mut fresh, &frames[pause..]) == whole[pause - 1..], "{name}, paused before frame {pause}");
         }
     });
-}
-
-/// The short-term memory changes the track, and is part of the saved state.
-#[test]
-fn there_is_something_to_save_of_what_is_learned_for_now() {
-    let (frames, blueprint) = (frames(), learning_for_now(PARTICLES));
-    let mut tracker = started(&blueprint, 0, &frames);
-    let with = go(&mut tracker, &frames[1..]);
-    let learned = &json(&tracker.save())["ensemble"]["trackers"][0]["appearance"]["discriminant"]["short_term"];
-    assert!(!learned.is_null(), "nothing was learned for now");
-    let config = blueprint.config().clone().set("short_term.threshold=0").and_then(|c| c.set("short_term.gate=0"));
-    let without = config.and_then(|c| c.check(&Folder::here())).expect("a good configuration");
-    assert!(with != alone(&without, &frames), "it moves the box");
 }
 
 /// Weights that resampling does not even out may reach −∞ and must come back from JSON.

@@ -261,8 +261,8 @@ fn sharing_competes_with_changing_gazes() {
 #[test]
 fn rewards_of_rare_gazes_stay_finite() {
     for (v, variant) in VARIANTS.into_iter().enumerate() {
-        for (gamma, haste) in [(0.1, 1.0), (1e-9, 1000.0), (1.0, 1000.0)] {
-            let mut policy = exp3(variant, gamma).with_haste(haste).expect("in range");
+        for gamma in [0.1, 1e-9, 1.0] {
+            let mut policy = exp3(variant, gamma);
             let (mut plan, mut rng) = (Plan::new(), streams(9).rng(v as u64));
             for t in 0..100_000 {
                 policy.plan(&Context::default(), &mut plan, &mut rng);

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Discriminant, MOST_PLACES, PLACES, Recent, Sums, outer};
+use super::{Discriminant, MOST_PLACES, PLACES, Sums, outer};
 use crate::identity::numbers::floats;
 use crate::saved_state::{SavedState, Valid, Validate, ensure};
 use foveate_base::Result;
@@ -18,26 +18,17 @@ struct Saved<'a> {
     recent: Cow<'a, Sums>,
     #[serde(with = "floats")]
     weights: Cow<'a, [f32]>,
-    /// The short-term memory, while it differs from the long-term one.
-    short_term: Option<Cow<'a, Recent>>,
 }
 
 impl Validate<Discriminant> for Saved<'_> {
     fn validate(&self, of: &Discriminant) -> Valid {
-        let Self { first_rows, first_cross, recent, weights, short_term } = self;
+        let Self { first_rows, first_cross, recent, weights } = self;
         let n = of.weights.len();
         // Of the first frame there may be distractors besides.
         let rows = (first_rows.len() / n).clamp(PLACES, MOST_PLACES);
         let sums = |sums: &Sums| [(sums.gram.len(), n * (n + 1) / 2), (sums.cross.len(), n)];
         let mut lengths = vec![(first_rows.len(), rows * n), (first_cross.len(), n), (weights.len(), n)];
         lengths.extend(sums(recent));
-        if let Some(it) = short_term {
-            lengths.extend(sums(&it.sums));
-            lengths.push((it.weights.len(), n));
-            if of.short_term.is_none() || !it.apart.is_some_and(|apart| (0.0..=1.0).contains(&apart)) {
-                return Err("it has a short-term memory, and this tracker has none of that kind".into());
-            }
-        }
         lengths.into_iter().try_for_each(|(found, expected)| {
             ensure(found == expected, || format!("it has {found} numbers where this tracker has {expected}"))
         })
@@ -56,7 +47,6 @@ impl Discriminant {
             first_cross: Cow::Borrowed(&self.first.cross),
             recent,
             weights: Cow::Borrowed(&self.weights),
-            short_term: self.short_term.as_ref().filter(|it| it.apart.is_some()).map(Cow::Borrowed),
         })
     }
 
@@ -67,9 +57,6 @@ impl Discriminant {
         outer(&self.first_rows, self.weights.len(), &mut self.first.gram);
         self.first.cross = saved.first_cross.into_owned();
         (self.recent, self.weights) = (saved.recent.into_owned(), saved.weights.into_owned());
-        if let Some(it) = &mut self.short_term {
-            *it = saved.short_term.map_or_else(|| Recent::new(&self.recent, &self.weights), Cow::into_owned);
-        }
         Ok(())
     }
 }

@@ -10,17 +10,6 @@ use crate::identity::{Buffers, Lesson};
 use crate::scene::Image;
 use foveate_base::rows::{Rows, RowsMut};
 
-/// How a look around the target is learned from.
-#[derive(Clone, Copy, PartialEq)]
-enum Learned {
-    /// As the first frame: everything else is reset.
-    First,
-    /// As a frame that fits: by all models.
-    LongTerm,
-    /// By the short-term memory alone.
-    ShortTerm,
-}
-
 impl GazeAppearance {
     /// Adds a discriminant with these settings.
     pub fn with_discriminant(self, settings: discriminant::Settings) -> Self {
@@ -31,12 +20,6 @@ impl GazeAppearance {
     /// behind them.
     pub(crate) fn with_variation(self, penalty: Option<Arc<[f32]>>) -> Self {
         Self { discriminant: self.discriminant.map(|it| it.with_variation(penalty)), ..self }
-    }
-
-    /// Adds a short-term memory, which also learns from less consistent frames.
-    pub fn with_short_term(self, short_term: bool) -> Self {
-        let with_short_term = |it: Discriminant| if short_term { it.with_short_term() } else { it };
-        Self { discriminant: self.discriminant.map(with_short_term), ..self }
     }
 
     /// Learns while tracking the colours of the target and of its surroundings, by these settings.
@@ -51,32 +34,25 @@ impl GazeAppearance {
 
     /// Learns the first frame with its distractors as negatives.
     pub(super) fn learn_first(&mut self, image: &Image, state: &State, distractors: &[State]) {
-        self.discriminate(image, state, distractors, Learned::First);
+        self.discriminate(image, state, distractors, true);
     }
 
     /// Learns a frame according to a lesson.
     pub(super) fn take(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson) {
         let extent = self.extent();
-        let within = |gate: f64| lesson.deficit.is_some_and(|deficit| deficit <= gate);
+        let within = |gate: f64| lesson.deficit <= gate;
         if let Some(colour) = self.colour.as_mut().filter(|colour| within(colour.settings().gate)) {
             colour.adapt(image, state, extent);
         }
-        let learned = match &self.discriminant {
-            Some(it) if within(it.settings().gate) => Some(Learned::LongTerm),
-            Some(it) if lesson.short_term && it.has_short_term() => Some(Learned::ShortTerm),
-            _ => None,
-        };
-        if let Some(learned) = learned {
-            self.discriminate(image, state, distractors, learned);
+        if self.discriminant.as_ref().is_some_and(|it| within(it.settings().gate)) {
+            self.discriminate(image, state, distractors, false);
         }
         #[cfg(feature = "learn")]
-        if let Some(deficit) = lesson.deficit {
-            self.train(image, state, deficit);
-        }
+        self.train(image, state, lesson.deficit);
     }
 
     /// Looks at the target and around it, and learns the difference.
-    fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], learned: Learned) {
+    fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], first: bool) {
         let Some(mut it) = self.discriminant.take() else { return };
         let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
         it.look_around(state, extent, distractors);
@@ -84,7 +60,7 @@ impl GazeAppearance {
         // After a look around the target for distractors most often all is there.
         let looks = looks(&*self.retina, extent);
         let Buffers { views, dimmed, learned: glimpses, .. } = &mut self.buffers;
-        if learned == Learned::First || views.whole(places, looks).is_none() {
+        if first || views.whole(places, looks).is_none() {
             let kept = self.kept.as_ref().expect("a template is kept before the first look");
             let image = dim(image, &kept.image, self.discounting_background, dimmed);
             views.see_whole(image, places, looks, self.colour.as_mut());
@@ -103,10 +79,7 @@ impl GazeAppearance {
                 one[0] = 1.0;
             }
         }
-        match learned {
-            Learned::ShortTerm => it.learn_short_term(),
-            _ => it.learn(learned == Learned::First),
-        }
+        it.learn(first);
         self.discriminant = Some(it);
     }
 
@@ -181,7 +154,7 @@ mod tests {
         };
         let fresh = judge(&mut it);
         it.prepare(&second, &states, &[Gaze::CENTRE]);
-        it.learn(&second, &at, &[], Lesson { deficit: Some(0.0), short_term: false });
+        it.learn(&second, &at, &[], Lesson { deficit: 0.0 });
         assert!(judge(&mut it) != fresh, "colours were learned");
         it.forget();
         assert!(judge(&mut it) == fresh, "colours are forgotten");
