@@ -274,6 +274,7 @@ impl Blueprint {
         let regression = self.boxes.clone().zip(c.box_regression.clone());
         Ok(crate::engine::Parts::new(filter, gaze, self.observation_model()?, monitor)
             .with_recognition(recognition)
+            .with_shrinking_first_box(c.shrink_first_box)
             .with_box_regression(regression.map(|(network, settings)| BoxRegression::new(network, settings)))
             .with_second_tracker(second))
     }

@@ -8,6 +8,7 @@ mod coast;
 mod distractors;
 mod extras;
 mod filter;
+mod first_box;
 mod gaze;
 mod monitor;
 mod particles;
@@ -80,6 +81,11 @@ impl Parts {
         self.extras.box_regression = box_regression;
         self
     }
+    /// Sets whether a first box that is too large shrinks to the part of it that moves as one. The reported box keeps its size.
+    pub fn with_shrinking_first_box(mut self, shrinks: bool) -> Self {
+        self.extras.shrinks_first_box = shrinks;
+        self
+    }
     /// Sets the parts of a second tracker; the overlap of the two boxes is a cue of P(lost). A second tracker has no second tracker itself.
     pub fn with_second_tracker(self, second: Option<Self>) -> Self {
         Self { second: second.map(Box::new), ..self }
@@ -148,6 +154,9 @@ impl Engine {
     /// # Errors
     /// If a sensor cannot read its source. The caller must then set the target again.
     pub(crate) fn step<'a>(&'a mut self, world: World<'a, '_>, mut second: Option<&mut Self>) -> Result<Seen<'a>> {
+        if let World::Picture(scene) = &world {
+            self.shrink_first_box(scene.image, second.as_deref_mut());
+        }
         let (t, target, streams, mut last) = self.begin();
         let Self { parts, context, visibility, .. } = self;
         let Parts { filter, gaze, appearance, monitor, extras, .. } = parts;
@@ -266,7 +275,7 @@ impl Engine {
     /// Returns the reported box of the last frame and P(lost). Panics before the first step.
     pub(crate) fn reported(&self) -> (BBox, TrackConfidence) {
         let (estimate, confidence) = self.record.reported.expect("a step was made");
-        (estimate.mean.bbox(self.target().extent), confidence)
+        (estimate.mean.bbox(self.target().drawn()), confidence)
     }
 
     /// Returns the pixels that were read in the last frame.
@@ -279,9 +288,9 @@ impl Engine {
         let (parts, last) = (&self.parts, &self.record);
         let (estimate, confidence) = last.reported.expect("a step was made");
         let recognized = parts.extras.recognition.as_ref().map_or(Recognized::default(), Recognition::recognized);
-        let extent = self.target().extent;
+        let (tracked, extent) = (self.target().extent, self.target().drawn());
         let TrackConfidence { p_lost, own, status, cues } = confidence;
-        let (model, place) = (parts.monitor.model(), parts.extras.evidence(&estimate, extent));
+        let (model, place) = (parts.monitor.model(), parts.extras.evidence(&estimate, tracked));
         let mut covariance = estimate.covariance;
         model.localisation.apply(model.localisation_noise, &place, &mut covariance);
         Seen {
@@ -366,9 +375,9 @@ impl Engine {
         self.parts.monitor.loss.is_searching()
     }
 
-    /// Returns half the size of the target's box at scale 1, pixels; `None` before there is a target.
+    /// Returns half the size of the reported box at scale 1, pixels; `None` before there is a target.
     pub(crate) fn extent(&self) -> Option<Extent> {
-        self.target.map(|target| target.extent)
+        self.target.as_ref().map(Target::drawn)
     }
 
     /// Returns the parts.

@@ -41,6 +41,9 @@ pub struct Config {
     /// Whether the target's centre is clamped to the picture.
     #[serde(default)]
     pub clamp_to_frame: bool,
+    /// Whether a first box that is too large shrinks to the part of it that moves as one; the reported box keeps its size.
+    #[serde(default)]
+    pub shrink_first_box: bool,
     /// q(xₜ | xₜ₋₁, scene).
     #[serde(default, deserialize_with = "in_range")]
     pub proposal: ProposalConfig,

@@ -13,12 +13,16 @@ use foveate_base::rng::Streams;
 /// P(lost) below which the particles follow the box regression.
 pub(super) const CONFIDENT: f64 = 0.3;
 
-/// The recogniser and the box regression of a tracker; both are optional.
+/// The recogniser and the box regression of a tracker, and the rule for its first box; all are optional.
 #[derive(Debug, Default)]
 pub(super) struct Extras {
     /// p(cₜ | all looks at the estimate).
     pub recognition: Option<Recognition>,
     pub box_regression: Option<BoxRegression>,
+    /// Whether a first box that is too large shrinks to what moves as one (`engine/first_box.rs`).
+    pub shrinks_first_box: bool,
+    /// The rectangle that this rule has read: left column, top row, width and height, pixels.
+    pub read: Option<(usize, usize, usize, usize)>,
 }
 
 impl Extras {
@@ -66,6 +70,7 @@ impl Extras {
             errors: [right * half_w, down * half_h],
             ess: estimate.ess,
             unit: extent.mean() * estimate.mean.log_scale.exp(),
+            moved: estimate.moved,
         }
     }
 
@@ -89,6 +94,9 @@ impl Extras {
 
     /// Adds the rectangles that were read in this frame.
     pub(super) fn measure(&mut self, meter: &mut Meter) {
+        if let Some(read) = self.read.take() {
+            meter.add(read);
+        }
         if let Some(it) = &self.recognition {
             it.measure(meter);
         }

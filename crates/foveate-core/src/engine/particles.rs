@@ -93,10 +93,12 @@ impl Particles {
         Belief { states: &self.states, weights: &self.weights }
     }
 
-    /// Returns mean, covariance and effective sample size after the looks.
+    /// Returns mean, covariance and effective sample size after the looks, and the displacement of the mean since the last frame.
     pub(super) fn estimate(&self) -> Estimate {
-        let belief = self.belief();
-        Estimate { mean: belief.mean(), covariance: belief.covariance(), ess: belief.ess() }
+        let (belief, State { x, y, vx, vy, .. }) = (self.belief(), self.expected);
+        let mean = belief.mean();
+        let moved = [mean.x - (x - vx), mean.y - (y - vy)];
+        Estimate { mean, covariance: belief.covariance(), ess: belief.ess(), moved }
     }
 }
 

@@ -28,6 +28,8 @@ impl Validate for Own {
         ensure(self.frame <= MOST_FRAMES, || format!("its frame number is {}", self.frame))?;
         let sane = |half: f64| (0.3..=1e6).contains(&half);
         let fits = |Target { extent, unit, .. }: &Target| sane(extent.half_w) && sane(extent.half_h) && sane(*unit);
+        let shares = |Target { share, .. }: &Target| *share > 0.0 && *share <= 1.0;
+        ensure(self.target.as_ref().is_none_or(shares), || "the target's share of its box is not from 0 to 1".into())?;
         ensure(self.target.as_ref().is_none_or(fits), || format!("the size of its target: {:?}", self.target))
     }
 }
@@ -35,7 +37,7 @@ impl Validate for Own {
 impl Engine {
     /// Returns the whole state in mid-video. [`Engine::load`] resumes from it bit for bit.
     pub(crate) fn save(&self) -> SavedState {
-        let Parts { filter, gaze, appearance, monitor, extras: Extras { recognition, box_regression }, .. } =
+        let Parts { filter, gaze, appearance, monitor, extras: Extras { recognition, box_regression, .. }, .. } =
             &self.parts;
         SavedState::new(&json!({
             "frame": self.frame,

@@ -18,8 +18,11 @@ const SURE: f64 = 0.005;
 /// Steps the second tracker. Returns the overlap (IoU) of its box with the box at the estimate of the first; `None` without a second
 /// tracker.
 pub(super) fn agreement(second: Option<&mut Engine>, view: &View<'_>, estimate: &Estimate) -> Option<f64> {
-    let scene = Scene { image: view.scene.image, detections: &[] };
-    Some(second?.step_on(scene).bbox.iou(&estimate.mean.bbox(view.target.extent)))
+    let second = second?;
+    second.step_on(Scene { image: view.scene.image, detections: &[] });
+    let (theirs, _) = second.record.reported?;
+    // The boxes of what the two follow: a margin that was drawn around it would hide a difference.
+    Some(theirs.mean.bbox(second.target().extent).iou(&estimate.mean.bbox(view.target.extent)))
 }
 
 /// Resets the second tracker with the first. If the first was `misled`, everything that the second learned since frame 1 is reset. If the
@@ -36,7 +39,7 @@ pub(super) fn follow(
         second.parts.monitor.forget_learned(second.parts.appearance.memory());
     }
     if !lost && verdict.own < SURE && second.context.lost {
-        second.start_again_at(&estimate.mean.bbox(view.target.extent));
+        second.start_again_at(&estimate.mean.bbox(view.target.drawn()));
     }
 }
 

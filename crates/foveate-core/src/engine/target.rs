@@ -12,8 +12,18 @@ pub(crate) struct Target {
     pub extent: Extent,
     /// Pixels per template unit at scale 1.
     pub unit: f64,
+    /// The target's share of each side of the box that was drawn and is reported, above 0 to 1.
+    pub share: f64,
     /// The expected log-likelihoods on the target and elsewhere.
     pub reference: ReferenceLikelihood,
+}
+
+impl Target {
+    /// Returns half the size of the reported box at scale 1, pixels.
+    pub(crate) fn drawn(&self) -> Extent {
+        let Extent { half_w, half_h } = self.extent;
+        Extent { half_w: half_w / self.share, half_h: half_h / self.share }
+    }
 }
 
 /// The belief after a frame.
@@ -25,4 +35,6 @@ pub(crate) struct Estimate {
     pub covariance: Covariance,
     /// Effective sample size, 1 to N.
     pub ess: f64,
+    /// Displacement since the last frame, right and down, pixels.
+    pub moved: [f64; 2],
 }

@@ -49,7 +49,7 @@ impl Engine {
         crate::start::check(image, bbox)?;
         let (state, extent) = (State { vx, vy, ..State::of(bbox) }, Extent::of(bbox));
         let reference = self.parts.appearance.init_template(image, &state, extent, self.streams);
-        self.target = Some(Target { state, extent, unit: extent.mean(), reference });
+        self.target = Some(Target { state, extent, unit: extent.mean(), share: 1.0, reference });
         self.parts.extras.init(image, &state, extent);
         self.init_surroundings(image, &state);
         self.parts.filter.proposal.size(extent.mean());
@@ -75,9 +75,14 @@ impl Engine {
     pub(crate) fn start_again_at(&mut self, bbox: &BBox) {
         let state = self.state_at(bbox);
         let (half_w, half_h) = state.half(self.target().extent);
+        self.restart(&state, Extent { half_w, half_h });
+    }
+
+    /// Draws particles around this state, for a target of this half size, and sets P(lost) to 0 until the next frame.
+    pub(super) fn restart(&mut self, state: &State, extent: Extent) {
         self.parts.monitor.reset_consistency();
         self.parts.monitor.loss.restart();
-        self.parts.filter.spread(&state, Extent { half_w, half_h }, self.streams.at(self.frame, Purpose::Start));
+        self.parts.filter.spread(state, extent, self.streams.at(self.frame, Purpose::Start));
         self.context.lost = false;
     }
 
@@ -100,7 +105,7 @@ impl Engine {
 
     /// Returns the state of this box, upright and at rest, with a scale relative to the template. Panics before [`Engine::init`].
     pub(crate) fn state_at(&self, bbox: &BBox) -> State {
-        let log_scale = (Extent::of(bbox).mean() / self.target().extent.mean()).ln();
+        let log_scale = (Extent::of(bbox).mean() / self.target().drawn().mean()).ln();
         State { log_scale, ..State::of(bbox) }
     }
 

@@ -43,7 +43,7 @@ pub(super) fn evidence(monitor: &mut Monitor) -> FrameEvidence {
 }
 
 pub(super) fn estimate(x: f64) -> Estimate {
-    Estimate { mean: state(x), covariance: Default::default(), ess: 1.0 }
+    Estimate { mean: state(x), covariance: Default::default(), ess: 1.0, moved: [0.0; 2] }
 }
 
 fn close(found: f64, exact: f64) {
@@ -376,7 +376,7 @@ fn the_box_regression_is_asked_while_the_target_is_lost() {
     let model = ConfidenceModel { box_regression, ..toy::model() };
     let network = Settings::default().read(&foveate_base::files::Nowhere).expect("it ships");
     let boxes = BoxRegression::new(Arc::new(network), Settings::default());
-    let mut extras = Extras { recognition: None, box_regression: Some(boxes) };
+    let mut extras = Extras { box_regression: Some(boxes), ..Extras::default() };
     extras.init(&picture(), &state(50.0), EXTENT);
     look(&mut Toy::at(50.0), 1.0, |view| {
         let asked = [false, true].map(|lost| extras.ask(view, &estimate(50.0), &model, lost).is_some());

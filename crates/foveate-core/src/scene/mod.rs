@@ -10,6 +10,7 @@ pub mod map;
 pub mod meter;
 mod morphology;
 pub mod motion;
+pub(crate) mod moving_part;
 pub mod object_detector;
 pub mod preprocessor;
 pub mod saliency;

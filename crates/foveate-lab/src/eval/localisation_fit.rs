@@ -31,7 +31,7 @@ pub fn fit_localisation(tracks: &[&Judgement], model: &ConfidenceModel) -> Resul
         return Ok(closest(noises.map(with), miss));
     }
     let of = |logs: &[f64; 5]| ConfidenceModel {
-        localisation: localisation(logs),
+        localisation: localisation(logs, model.localisation.speed),
         localisation_noise: 0.0,
         ..model.clone()
     };
@@ -41,7 +41,7 @@ pub fn fit_localisation(tracks: &[&Judgement], model: &ConfidenceModel) -> Resul
         terms.map(|(squares, determinant)| log_density(squares) - 0.5 * determinant.ln()).sum::<f64>()
     };
     let best = highest([0.0f64, 1.0, -1.0, -2.0, -3.5], likelihood);
-    let with = |factor: f64| ConfidenceModel { localisation: scaled(&localisation(&best), factor), ..of(&best) };
+    let with = |factor: f64| ConfidenceModel { localisation: scaled(&of(&best).localisation, factor), ..of(&best) };
     Ok(closest(factors(-50, 50).map(with), miss))
 }
 
@@ -55,10 +55,10 @@ fn rounded(x: f64) -> f64 {
     (1000.0 * x).round() / 1000.0
 }
 
-/// Returns the localisation of these logarithms.
-fn localisation(logs: &[f64; 5]) -> Localisation {
+/// Returns the localisation of these logarithms. The share of the speed follows from exposure times and is not fitted.
+fn localisation(logs: &[f64; 5], speed: f64) -> Localisation {
     let [belief, borders, pixels, lone, sharp] = logs.map(f64::exp);
-    Localisation { belief, borders, pixels, lone, sharp: sharp.min(1.0) }
+    Localisation { belief, borders, pixels, lone, sharp: sharp.min(1.0), speed }
 }
 
 /// Returns the localisation with this many times the variances, in thousandths.
@@ -70,6 +70,7 @@ fn scaled(it: &Localisation, factor: f64) -> Localisation {
         pixels: rounded(root * it.pixels),
         lone: rounded(root * it.lone),
         sharp: rounded(it.sharp),
+        ..*it
     }
 }
 
@@ -110,7 +111,7 @@ mod tests {
             let (r, turn) = (credible(rng.random::<f64>()).sqrt(), std::f64::consts::TAU * rng.random::<f64>());
             let (spread, error) = ([0.2, 0.4, 0.6][i / 3 % 3], errors[i % 3]);
             let (belief, ess) = ([spread * spread, 0.0, spread * spread], if i.is_multiple_of(7) { 1.0 } else { 20.0 });
-            let place = PlaceEvidence { belief, errors: [error, error], ess, unit: 10.0 };
+            let place = PlaceEvidence { belief, errors: [error, error], ess, unit: 10.0, ..Default::default() };
             let [xx, xy, yy] = known.localisation.place(known.localisation_noise, &place);
             assert_eq!(xy, 0.0, "an upright belief");
             let off = Some([xx.sqrt() * r * turn.cos() / 10.0, yy.sqrt() * r * turn.sin() / 10.0]);
@@ -127,7 +128,7 @@ mod tests {
 
     #[test]
     fn what_the_errors_were_made_with_is_found() {
-        let localisation = Localisation { belief: 0.6, borders: 2.0, pixels: 0.2, lone: 0.5, sharp: 0.03 };
+        let localisation = Localisation { belief: 0.6, borders: 2.0, pixels: 0.2, lone: 0.5, sharp: 0.03, speed: 0.0 };
         let known = ConfidenceModel { localisation, ..ConfidenceModel::default() };
         let found = fitted(&tracks(&known, [0.25, 0.5, 1.5]));
         assert_eq!(ConfidenceModel { localisation, ..found.clone() }, known, "nothing else is touched");

@@ -19,11 +19,15 @@ pub struct PlaceEvidence {
     pub ess: f64,
     /// Pixels per template unit.
     pub unit: f64,
+    /// Displacement of the target since the last frame, right and down, px, without the camera's motion as far as particles follow it; 0 if
+    /// the box was given.
+    pub moved: [f64; 2],
 }
 
 /// How the covariance of the reported place follows from [`PlaceEvidence`]: g (`belief` · Σ + `borders` · diag(e²) + `pixels`² I) +
-/// (`lone` · unit)² / ESS³ I, with the belief's covariance Σ and the expected errors e of the box regression.
-/// g is 1, or with `sharp` above 0: m⁴ / (m⁴ + `sharp`⁴) for the root mean square m of e in half boxes.
+/// (`lone` · unit)² / ESS³ I + `speed`² m mᵀ, with the belief's covariance Σ, the expected errors e of the box regression and the
+/// displacement m since the last frame: how far the target moved while the picture was exposed, and so its blur, is unknown.
+/// g is 1, or with `sharp` above 0: r⁴ / (r⁴ + `sharp`⁴) for the root mean square r of e in half boxes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Localisation {
@@ -35,14 +39,17 @@ pub struct Localisation {
     pub pixels: f64,
     /// Standard deviation at an effective sample size of 1, template units, 0 to 10.
     pub lone: f64,
-    /// Expected error of the box regression, half boxes, 0 to 1, below which, for sharp borders, all terms but `lone` are reduced; 0 is off.
+    /// Expected error of the box regression, half boxes, 0 to 1, below which, for sharp borders, all terms but `lone` and `speed` are reduced; 0
+    /// is off.
     pub sharp: f64,
+    /// Standard deviation along the motion, share of the displacement since the last frame, 0 to 1.
+    pub speed: f64,
 }
 
 impl Default for Localisation {
     /// The belief's covariance plus the squares of the expected errors.
     fn default() -> Self {
-        Self { belief: 1.0, borders: 1.0, pixels: 0.0, lone: 0.0, sharp: 0.0 }
+        Self { belief: 1.0, borders: 1.0, pixels: 0.0, lone: 0.0, sharp: 0.0, speed: 0.0 }
     }
 }
 
@@ -54,16 +61,17 @@ impl Localisation {
             ("pixels", self.pixels, 100.0),
             ("lone", self.lone, 10.0),
             ("sharp", self.sharp, 1.0),
+            ("speed", self.speed, 1.0),
         ] {
             within(&format!("confidence.localisation.{name}"), value, 0.0, most)?;
         }
         Ok(())
     }
 
-    /// Returns the share of the belief's covariance that counts, and the variances to add to x and y, px². `noise` is the standard
-    /// deviation that every place has, template units.
-    fn parts(&self, noise: f64, evidence: &PlaceEvidence) -> (f64, [f64; 2]) {
-        let PlaceEvidence { errors, ess, unit, .. } = *evidence;
+    /// Returns the share of the belief's covariance that counts, and the covariance to add over x and y, px²: xx, xy, yy. `noise` is the
+    /// standard deviation that every place has, template units.
+    fn parts(&self, noise: f64, evidence: &PlaceEvidence) -> (f64, [f64; 3]) {
+        let PlaceEvidence { errors, ess, unit, moved, .. } = *evidence;
         let squares = errors.map(|e| e * e);
         let mean = 0.5 * (squares[0] + squares[1]) / (unit * unit).max(1e-12);
         let clear = match self.sharp {
@@ -72,14 +80,16 @@ impl Localisation {
         };
         let lone = (self.lone * unit).powi(2) / ess.max(1.0).powi(3);
         let common = clear * self.pixels * self.pixels + lone + (noise * unit).powi(2);
-        (clear * self.belief, squares.map(|square| clear * self.borders * square + common))
+        let ([right, down], [dx, dy]) = (squares, moved.map(|moved| self.speed * moved));
+        let borders = clear * self.borders;
+        (clear * self.belief, [borders * right + common + dx * dx, dx * dy, borders * down + common + dy * dy])
     }
 
     /// Returns the covariance of the reported place over x and y, px²: xx, xy, yy.
     pub fn place(&self, noise: f64, evidence: &PlaceEvidence) -> [f64; 3] {
         let (share, more) = self.parts(noise, evidence);
         let [xx, xy, yy] = evidence.belief;
-        [share * xx + more[0], share * xy, share * yy + more[1]]
+        [share * xx + more[0], share * xy + more[1], share * yy + more[2]]
     }
 
     /// Puts the covariance of the reported place into `covariance`, which has that of the belief. Correlations of the belief with its place
@@ -87,10 +97,13 @@ impl Localisation {
     pub fn apply(&self, noise: f64, evidence: &PlaceEvidence, covariance: &mut Covariance) {
         let (share, more) = self.parts(noise, evidence);
         let ratio = share.sqrt();
-        for (k, more) in more.into_iter().enumerate() {
+        for k in 0..2 {
             covariance.iter_mut().for_each(|row| row[k] *= ratio);
             covariance[k].iter_mut().for_each(|x| *x *= ratio);
-            covariance[k][k] += more;
+        }
+        let [xx, xy, yy] = more;
+        for (i, j, more) in [(0, 0, xx), (0, 1, xy), (1, 0, xy), (1, 1, yy)] {
+            covariance[i][j] += more;
         }
     }
 }
@@ -99,7 +112,8 @@ impl Localisation {
 mod tests {
     use super::*;
 
-    const EVIDENCE: PlaceEvidence = PlaceEvidence { belief: [4.0, 1.0, 9.0], errors: [2.0, 3.0], ess: 4.0, unit: 10.0 };
+    const EVIDENCE: PlaceEvidence =
+        PlaceEvidence { belief: [4.0, 1.0, 9.0], errors: [2.0, 3.0], ess: 4.0, unit: 10.0, moved: [0.0; 2] };
 
     #[test]
     fn by_default_the_errors_add_to_the_belief() {
@@ -111,7 +125,7 @@ mod tests {
     /// The formula by hand: m² = (0.04 + 0.09) / 2, g = m⁴ / (m⁴ + 0.2⁴).
     #[test]
     fn each_part_counts_as_documented() {
-        let it = Localisation { belief: 0.5, borders: 2.0, pixels: 0.3, lone: 0.8, sharp: 0.2 };
+        let it = Localisation { belief: 0.5, borders: 2.0, pixels: 0.3, lone: 0.8, sharp: 0.2, speed: 0.0 };
         let g = 0.065f64.powi(2) / (0.065f64.powi(2) + 0.0016);
         let common = g * 0.09 + 64.0 / 64.0;
         let want = [g * (2.0 + 8.0) + common, g * 0.5, g * (4.5 + 18.0) + common];
@@ -125,8 +139,21 @@ mod tests {
             "no box regression"
         );
         let one = Localisation { lone: 0.3, ..Localisation::default() };
-        let collapsed = PlaceEvidence { belief: [1e-9, 0.0, 1e-9], errors: [0.0; 2], ess: 1.0, unit: 13.0 };
+        let collapsed =
+            PlaceEvidence { belief: [1e-9, 0.0, 1e-9], errors: [0.0; 2], ess: 1.0, unit: 13.0, moved: [0.0; 2] };
         assert!(one.place(0.0, &collapsed)[0].sqrt() > 3.8, "a sample of one particle is no certainty");
+    }
+
+    /// A target that moves 50 pixels a frame, 3 right for 4 up, has an unknown place along its motion and no other.
+    #[test]
+    fn a_fast_target_is_uncertain_along_its_motion() {
+        let moved = PlaceEvidence { moved: [30.0, -40.0], ..EVIDENCE };
+        let [still, fast] =
+            [0.0, 0.04].map(|speed| Localisation { speed, ..Localisation::default() }.place(0.0, &moved));
+        let more: [f64; 3] = std::array::from_fn(|k| fast[k] - still[k]);
+        let along = |x: f64, y: f64| more[0] * x * x + 2.0 * more[1] * x * y + more[2] * y * y;
+        assert!((along(0.6, -0.8) - 4.0).abs() < 1e-9 && along(0.8, 0.6).abs() < 1e-9, "{more:?}");
+        assert_eq!(Localisation { speed: 0.04, ..Localisation::default() }.place(0.0, &EVIDENCE), still, "at rest");
     }
 
     /// The whole matrix has the covariance of the place, and stays a covariance: its determinants of every leading block are positive.
@@ -141,7 +168,8 @@ mod tests {
             }
         }
         let evidence = PlaceEvidence { belief: [covariance[0][0], covariance[0][1], covariance[1][1]], ..EVIDENCE };
-        let it = Localisation { belief: 0.3, borders: 0.0, pixels: 0.01, lone: 0.0, sharp: 0.5 };
+        let it = Localisation { belief: 0.3, borders: 0.0, pixels: 0.01, lone: 0.0, sharp: 0.5, speed: 0.05 };
+        let evidence = PlaceEvidence { moved: [-20.0, 30.0], ..evidence };
         let ([xx, xy, yy], before) = (it.place(0.0, &evidence), covariance);
         it.apply(0.0, &evidence, &mut covariance);
         for (got, want) in
