@@ -15,6 +15,7 @@ mod pages;
 mod place;
 mod recognise;
 mod results;
+mod sandbox;
 mod synth_eval;
 mod track;
 mod trax;

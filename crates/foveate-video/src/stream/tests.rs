@@ -407,6 +407,103 @@ fn the_pixels_do_not_depend_on_the_decoder() {
     }
 }
 
+/// The same for 48 streams with three or four settings each, drawn with seed 3: profile, references, weights, interlace, cropping, time
+/// stamps, colours and others. Both readers give the same size, rate, times, pixels and error.
+#[test]
+fn drawn_streams_are_what_ffmpeg_decodes() {
+    use crate::Decoder::{Builtin, Ffmpeg};
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let _ = need!(made(dir.path(), "a.mp4", "-c:v libx264").ok_or("ffmpeg with libx264"));
+    let pictures = [
+        "-pix_fmt yuv420p",
+        "-pix_fmt yuvj420p",
+        "-pix_fmt yuv422p",
+        "-pix_fmt yuv420p10",
+        "-pix_fmt yuv420p -profile:v main",
+        "-pix_fmt yuv420p -profile:v baseline",
+        "-pix_fmt yuv420p -colorspace bt709",
+        "-pix_fmt yuv420p -colorspace smpte170m -color_range tv",
+    ];
+    let filters = [
+        "null",
+        "crop=98:62",
+        "crop=75:51",
+        "scale=176:144,setsar=12/11",
+        "select=not(eq(mod(n\\,3)\\,1))",
+        "setpts=PTS*(1+N/40)",
+        "fade=in:0:20",
+        "geq=lum=mod(X*Y+N*37\\,256):cb=128:cr=128",
+    ];
+    let outputs = ["", "-movflags +faststart", "-movflags frag_keyframe+empty_moov", "-movflags negative_cts_offsets"];
+    let settings = [
+        "ref=1",
+        "ref=5",
+        "bframes=0",
+        "bframes=3:b-adapt=0",
+        "bframes=5:b-pyramid=strict",
+        "weightp=0",
+        "weightp=2",
+        "weightb=0",
+        "direct=temporal",
+        "direct=spatial",
+        "cabac=0",
+        "cabac=1",
+        "8x8dct=0",
+        "8x8dct=1",
+        "slices=3",
+        "slice-max-mbs=7",
+        "interlaced=1",
+        "tff=1",
+        "bff=1",
+        "fake-interlaced=1",
+        "constrained-intra=1",
+        "no-deblock=1",
+        "deblock=3,-2",
+        "cqm=jvt",
+        "keyint=1",
+        "keyint=9:open-gop=1",
+        "keyint=6:min-keyint=6",
+        "intra-refresh=1:keyint=8",
+        "level=1.3",
+        "level=4.2",
+        "qp=1",
+        "qp=44",
+        "me=tesa:subme=10:trellis=2",
+        "partitions=all",
+        "nal-hrd=vbr:vbv-maxrate=300:vbv-bufsize=300",
+        "aud=1",
+        "sps-id=7",
+        "crop-rect=2,2,4,6",
+        "psy-rd=2,1",
+        "no-mbtree=1:rc-lookahead=0",
+    ];
+    let (mut next, mut used, mut streams) = (draws(3), vec![0; settings.len()], 0);
+    for k in 0..48 {
+        // The first comes round; the others are drawn.
+        let few: Vec<usize> = (0..4).map(|i| if i == 0 { k % settings.len() } else { next(settings.len()) }).collect();
+        let few: Vec<usize> = few[..3 + next(2)].to_vec();
+        let parameters = few.iter().map(|&i| settings[i]).collect::<Vec<_>>().join(":");
+        let (picture, filter) = (pictures[next(pictures.len())], filters[next(filters.len())]);
+        let output = outputs[next(outputs.len())];
+        let options = format!(
+            "-vf {filter} -fps_mode passthrough -c:v libx264 -preset fast {picture} -x264-params {parameters} {output}"
+        );
+        // Some of them exclude each other.
+        let Some(path) = made(dir.path(), &format!("{k}.mp4"), &options) else { continue };
+        let (ours, theirs) = (decoded(&path, Builtin), decoded(&path, Ffmpeg));
+        let (a, b) = (SourceInfo { reader: String::new(), ..ours.0 }, SourceInfo { reader: String::new(), ..theirs.0 });
+        assert_eq!(a, b, "{options}");
+        assert_eq!((ours.1.len(), &ours.2), (theirs.1.len(), &theirs.2), "{options}");
+        let first = ours.1.iter().zip(&theirs.1).position(|(a, b)| a != b);
+        assert_eq!(first, None, "{options}: the first frame that differs");
+        streams += 1;
+        few.iter().for_each(|&i| used[i] += 1);
+    }
+    let never: Vec<&str> = settings.iter().zip(&used).filter(|(_, n)| **n == 0).map(|(name, _)| *name).collect();
+    println!("{streams} streams are equal; settings in none: {never:?}");
+    assert!(streams >= 40 && never.len() <= 4, "{streams}: {never:?}");
+}
+
 /// `auto` takes ffmpeg where it saves time, our own decoders where it does not or where the program is not there.
 #[test]
 fn the_faster_decoder_is_taken() {
