@@ -17,8 +17,6 @@ use foveate_base::memory;
 /// Call it before the first thread of the program starts.
 pub fn decode_if_asked(arguments: &[OsString]) -> Option<u8> {
     let job = Job::of(arguments)?;
-    // Who started the child learns everything from its messages.
-    std::panic::set_hook(Box::new(|_| ()));
     Some(u8::from(work(&job).is_err()))
 }
 
