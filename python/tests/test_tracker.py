@@ -24,8 +24,8 @@ def follow(tracker: foveate.Tracker, pictures: Any, first: Any = FIRST) -> list[
 
 
 def test_a_square_is_followed(pictures: Any) -> None:
-    # A gain of 0: the box is where the particles are.
-    tracker = foveate.Tracker(config={"particles": 300, "box_regression": {"gain": 0}})
+    # A configuration without box regression: the box is where the particles are.
+    tracker = foveate.Tracker("natural-middle", config={"particles": 300})
     tracker.init(pictures[0], FIRST)
     for t, picture in enumerate(pictures[1:], 1):
         seen = tracker.update(picture)
