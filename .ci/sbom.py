@@ -1,4 +1,4 @@
-"""Prints the software bill of materials of a package in CycloneDX 1.6 (JSON): .ci/sbom.py PACKAGE
+"""Prints the software bill of materials of a package in CycloneDX 1.6 (JSON): python3 .ci/sbom.py PACKAGE
 
 Its components are the crates that are part of the package on any system, with licence, checksum and dependencies. Crates that only
 compile or test it are left out. The same commit gives the same bytes.
