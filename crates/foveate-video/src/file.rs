@@ -13,6 +13,7 @@ use crate::decoded::{DecodeError, Picture};
 use crate::ffmpeg::{Ffmpeg, Input};
 use crate::frame::FFMPEG;
 use crate::options::{Decoder, Options};
+use crate::sandbox::ApartVideo;
 use crate::stream::{Bytes, Mp4};
 use crate::{Frame, FrameSource, Remarks, SourceInfo};
 use foveate_base::{Error, Result};
@@ -34,6 +35,7 @@ foveate_base::opaque_debug!(VideoFile);
 enum Reader {
     Mp4(Box<Mp4>),
     Ffmpeg(Box<Ffmpeg>),
+    Apart(Box<ApartVideo>),
 }
 
 impl VideoFile {
@@ -46,15 +48,20 @@ impl VideoFile {
         Self::open_with(path, &Options::default())
     }
 
-    /// Opens a video file with a decoder of choice, and decodes its first frame.
+    /// Opens a video file with a decoder of choice, and decodes its first frame. The sandbox, if the options have one, has our own decoders
+    /// alone.
     ///
     /// # Errors
-    /// As [`VideoFile::open`], and if the chosen decoder cannot read it.
+    /// As [`VideoFile::open`], and if the chosen decoder cannot read it, or there is no sandbox here.
     pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Self> {
         let path = path.as_ref();
         let file = File::open(path).map_err(Error::io(path, "cannot open"))?;
         let len = file.metadata().map_err(Error::io(path, "cannot open"))?.len();
-        Self::read(path, Box::new(file), len, options)
+        let Some(sandbox) = &options.sandbox else { return Self::read(path, Box::new(file), len, options) };
+        let mut video = Self::unread(path.to_owned(), options.clone());
+        let child = ApartVideo::open(path, (file, len), sandbox, (&video.leash, &video.remarks))?;
+        video.reader = Some(Reader::Apart(Box::new(child)));
+        video.begun()
     }
 
     /// Opens H.264 in MP4 from `len` bytes that are not a file of the system, with our own decoders; errors call it
@@ -108,6 +115,7 @@ impl VideoFile {
         let (frames, rate, reader) = match &video.reader {
             Some(Reader::Mp4(mp4)) => (Some(mp4.frames()), mp4.rate(), mp4.decoder()),
             Some(Reader::Ffmpeg(ffmpeg)) => (ffmpeg.frames(), ffmpeg.rate(), FFMPEG),
+            Some(Reader::Apart(child)) => (child.about().frames, child.about().rate, &*child.about().reader),
             None => (None, 0.0, ""),
         };
         video.info = SourceInfo { width: image.width(), height: image.height(), frames, rate, reader: reader.into() };
@@ -137,8 +145,13 @@ impl VideoFile {
             let outcome = match self.reader.as_mut()? {
                 Reader::Mp4(mp4) => mp4.picture(),
                 Reader::Ffmpeg(ffmpeg) => ffmpeg.picture(),
+                Reader::Apart(child) => child.picture(),
             };
-            let error = match outcome? {
+            let Some(outcome) = outcome else {
+                self.reader = None;
+                return None;
+            };
+            let error = match outcome {
                 Ok(picture) => return Some(Ok(picture)),
                 Err(DecodeError::Unsupported(why)) => match self.hand_over(&why) {
                     Ok(()) => continue,

@@ -11,7 +11,7 @@ use crate::decode::image_kind;
 use crate::folder::image_files;
 use crate::piped::Piped;
 use crate::y4m::MAGIC;
-use crate::{Decoder, FrameSource, ImageFolder, Options, VideoFile, pattern, sandbox};
+use crate::{Decoder, FrameSource, ImageFolder, Options, VideoFile, pattern};
 use foveate_base::{Error, Result};
 
 /// Videos that begin as a picture does, by how their names end.
@@ -88,10 +88,7 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
     if kind.is_some() && !moving && !(kind == Some(ImageFormat::Png) && is_animated(&mut file)) {
         return Ok(Box::new(ImageFolder::from_files_with(vec![path.to_owned()], options)?));
     }
-    match &options.sandbox {
-        Some(sandbox) => Ok(Box::new(sandbox::Video::open(path, sandbox)?)),
-        None => Ok(Box::new(VideoFile::open_with(path, options)?)),
-    }
+    Ok(Box::new(VideoFile::open_with(path, options)?))
 }
 
 /// Whether a PNG file is an animation: then a chunk of that name comes before its first picture.

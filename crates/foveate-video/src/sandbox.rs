@@ -5,21 +5,33 @@
 
 use std::fs::File;
 use std::io::{BufReader, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{ChildStdin, ChildStdout, Command, Stdio};
 
 use crate::child::{Interrupt, Leash};
+use crate::decoded::{DecodeError, Picture};
 use crate::options::Sandbox;
-use crate::{Frame, FrameSource, Remarks, SourceInfo};
+use crate::{Remarks, SourceInfo};
 use foveate_base::{Error, Result, memory};
 use foveate_core::scene::Image;
 use job::Job;
 use message::Message;
 
 mod job;
+#[cfg(all(target_os = "linux", any(target_arch = "x86_64", target_arch = "aarch64", target_arch = "riscv64")))]
 mod limits;
 mod message;
 mod worker;
+
+/// Other systems have no limits that foveate uses.
+#[cfg(not(all(target_os = "linux", any(target_arch = "x86_64", target_arch = "aarch64", target_arch = "riscv64"))))]
+mod limits {
+    pub(super) const SUPPORTED: bool = false;
+
+    pub(super) fn enter(_: u64, _: u64) -> Result<(), String> {
+        Err("it needs Linux on x86-64, AArch64 or RISC-V".into())
+    }
+}
 
 pub use worker::decode_if_asked;
 
@@ -33,7 +45,7 @@ pub(crate) struct Apart {
 foveate_base::opaque_debug!(Apart);
 
 impl Apart {
-    fn start(sandbox: &Sandbox, input: Stdio, job: &Job) -> std::result::Result<Self, String> {
+    fn start(sandbox: &Sandbox, input: Stdio, job: &Job, leash: &Leash) -> std::result::Result<Self, String> {
         if !limits::SUPPORTED {
             return Err(unavailable("it needs Linux on x86-64, AArch64 or RISC-V"));
         }
@@ -43,24 +55,22 @@ impl Apart {
         let cannot = |error| format!("cannot start the decoder's process {}: {error}", program.display());
         let mut child = command.spawn().map_err(cannot)?;
         let (input, output) = (child.stdin.take(), child.stdout.take().expect("it was piped"));
-        let leash = Leash::default();
         leash.hold(child);
-        Ok(Self { leash, input, output: BufReader::with_capacity(1 << 16, output) })
+        Ok(Self { leash: leash.clone(), input, output: BufReader::with_capacity(1 << 16, output) })
     }
 
     /// A child that decodes pictures: at most `count`.
     pub(crate) fn pictures(sandbox: &Sandbox, count: usize) -> std::result::Result<Self, String> {
         let seconds = (count as u64).saturating_mul(10).saturating_add(60);
-        Self::start(sandbox, Stdio::piped(), &Job { video: None, memory: memory::limit(), seconds })
+        Self::start(sandbox, Stdio::piped(), &Job { video: None, memory: memory::limit(), seconds }, &Leash::default())
     }
 
     /// Decodes the bytes of a PNG or JPEG file, as [`crate::decode_image`] does.
     pub(crate) fn picture(&mut self, bytes: &[u8]) -> std::result::Result<Image, String> {
         let input = self.input.as_mut().expect("a child for pictures");
-        let sent = input.write_all(&(bytes.len() as u64).to_le_bytes()).and_then(|()| input.write_all(bytes));
-        // A child that ended may have left the reason.
-        let answer = Message::read(&mut self.output).or_else(|error| sent.and(Err(error)));
-        match answer {
+        // A child that has ended may have left the reason, which a broken pipe is not.
+        let _ = input.write_all(&(bytes.len() as u64).to_le_bytes()).and_then(|()| input.write_all(bytes));
+        match Message::read(&mut self.output) {
             Ok(Message::Frame(_, image)) => Ok(image),
             Ok(Message::Error(problem)) => Err(problem),
             Ok(Message::Refused(problem)) => Err(unavailable(&problem)),
@@ -102,48 +112,51 @@ pub fn decode_image_in(sandbox: &Sandbox, bytes: &[u8]) -> std::result::Result<I
     Apart::pictures(sandbox, 1)?.picture(bytes)
 }
 
-/// A video file that a child decodes.
-pub(crate) struct Video {
-    path: PathBuf,
-    info: SourceInfo,
+/// A child that decodes a video file.
+pub(crate) struct ApartVideo {
+    child: Apart,
+    about: SourceInfo,
     remarks: Remarks,
-    /// `None` after the end.
-    child: Option<Apart>,
-    leash: Leash,
-    next: usize,
     time: f64,
 }
 
-impl Video {
+impl ApartVideo {
+    /// Starts a child that decodes `file`, which has so many `bytes` and is called `path` in errors.
+    ///
     /// # Errors
     /// As [`crate::VideoFile::open`] with the built-in decoder, or the child cannot be started or cannot limit itself.
-    pub(crate) fn open(path: &Path, sandbox: &Sandbox) -> Result<Self> {
-        let file = File::open(path).map_err(Error::io(path, "cannot open"))?;
-        let bytes = file.metadata().map_err(Error::io(path, "cannot open"))?.len();
+    pub(crate) fn open(
+        path: &Path,
+        (file, bytes): (File, u64),
+        sandbox: &Sandbox,
+        (leash, remarks): (&Leash, &Remarks),
+    ) -> Result<Self> {
+        let wrong = |problem: String| Error::malformed(path, problem);
         // A second decodes at least 10 kB of the slowest kind of video.
         let job = Job { video: Some(path.to_owned()), memory: memory::limit(), seconds: 60 + bytes / 10_000 };
-        let mut child = Apart::start(sandbox, file.into(), &job).map_err(|problem| Error::malformed(path, problem))?;
-        let info = match Message::read(&mut child.output) {
-            Ok(Message::Info(info)) => info,
+        let mut child = Apart::start(sandbox, file.into(), &job, leash).map_err(wrong)?;
+        match Message::read(&mut child.output) {
+            Ok(Message::Info(about)) => Ok(Self { child, about, remarks: remarks.clone(), time: 0.0 }),
             // It names the file.
-            Ok(Message::Error(problem)) => return Err(Error::Invalid(problem)),
-            Ok(Message::Refused(problem)) => return Err(Error::malformed(path, unavailable(&problem))),
-            Ok(_) => return Err(Error::malformed(path, child.broken("it sent another message than the size"))),
-            Err(error) => return Err(Error::malformed(path, child.broken(&error.to_string()))),
-        };
-        let (path, leash) = (path.to_owned(), child.leash.clone());
-        Ok(Self { path, info, remarks: Remarks::default(), child: Some(child), leash, next: 0, time: 0.0 })
+            Ok(Message::Error(problem)) => Err(Error::Invalid(problem)),
+            Ok(Message::Refused(problem)) => Err(wrong(unavailable(&problem))),
+            Ok(_) => Err(wrong(child.broken("it sent another message than the size"))),
+            Err(error) => Err(wrong(child.broken(&error.to_string()))),
+        }
     }
 
-    fn frame(&mut self) -> Option<Result<Frame>> {
-        let wrong = |problem: String| Error::Frame { path: self.path.clone(), frame: self.next + 1, problem };
-        let child = self.child.as_mut()?;
+    /// Returns what the child read about the video.
+    pub(crate) fn about(&self) -> &SourceInfo {
+        &self.about
+    }
+
+    /// Returns the next picture; `None` at the end.
+    pub(crate) fn picture(&mut self) -> Option<std::result::Result<Picture, DecodeError>> {
         loop {
-            let problem = match Message::read(&mut child.output) {
-                Ok(Message::Frame(time, image)) if time >= self.time && image.size() == self.info.size() => {
-                    let index = self.next;
-                    (self.next, self.time) = (index + 1, time);
-                    return Some(Ok(Frame { index, time, image }));
+            let problem = match Message::read(&mut self.child.output) {
+                Ok(Message::Frame(time, image)) if time >= self.time => {
+                    self.time = time;
+                    return Some(Ok((image, time)));
                 }
                 Ok(Message::Sides([stored, shown])) => {
                     self.remarks.set_sides(stored, shown);
@@ -154,38 +167,14 @@ impl Video {
                     continue;
                 }
                 Ok(Message::End) => return None,
-                Ok(Message::Error(problem)) => return Some(Err(Error::Invalid(problem))),
+                Ok(Message::Error(problem)) => return Some(Err(DecodeError::Damaged(problem))),
                 Ok(Message::Frame(..) | Message::Info(_) | Message::Refused(_)) => {
-                    "it sent a picture of another size or time".to_owned()
+                    "it sent a picture of an earlier time, or no picture".to_owned()
                 }
-                Err(_) if self.leash.is_over() => return None,
+                Err(_) if self.child.leash.is_over() => return None,
                 Err(error) => error.to_string(),
             };
-            return Some(Err(wrong(child.broken(&problem))));
+            return Some(Err(DecodeError::Damaged(self.child.broken(&problem))));
         }
-    }
-}
-
-impl Iterator for Video {
-    type Item = Result<Frame>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let frame = self.frame();
-        if !matches!(frame, Some(Ok(_))) {
-            self.child = None;
-        }
-        frame
-    }
-}
-
-impl FrameSource for Video {
-    fn info(&self) -> &SourceInfo {
-        &self.info
-    }
-    fn interrupt(&self) -> Option<Interrupt> {
-        Some(self.leash.interrupt())
-    }
-    fn remarks(&self) -> Remarks {
-        self.remarks.clone()
     }
 }

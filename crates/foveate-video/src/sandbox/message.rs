@@ -22,7 +22,7 @@ pub(super) enum Message {
     Damage(usize, String),
     /// Why the child cannot give up its rights. Nothing follows.
     Refused(String),
-    /// The text of an error. Nothing follows.
+    /// The text of an error: of a video that cannot be opened with its name, of a frame or a picture without. No frame follows in a video.
     Error(String),
     /// The source ended as it should.
     End,

@@ -9,7 +9,7 @@ use super::job::Job;
 use super::limits::enter;
 use super::message::Message;
 use crate::{FrameSource, VideoFile, decode_image};
-use foveate_base::memory;
+use foveate_base::{Error, memory};
 
 /// Runs the decoder if the arguments, without the program's own name, are those of a child. Returns the exit status, or `None` if the
 /// arguments are others.
@@ -64,6 +64,7 @@ fn video(name: PathBuf, input: File, length: u64, output: &mut impl Write) -> Re
         }
         match frame {
             Some(Ok(frame)) => Message::Frame(frame.time, frame.image).write(output)?,
+            Some(Err(Error::Frame { problem, .. })) => return Message::Error(problem).write(output),
             Some(Err(error)) => return Message::Error(error.to_string()).write(output),
             None => return Message::End.write(output),
         }
