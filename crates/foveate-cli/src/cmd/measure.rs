@@ -97,9 +97,8 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
             [Some(&file), calibration.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
         spare(&folder.join(name), &inputs)?;
     }
-    let positions = measure::read(&file)?;
-    let points: Vec<Track> = names.into_iter().map(|name| Track { name, positions: positions.clone() }).collect();
-    let measured = measure::measure(&points, None, &settings).map_err(super::of_file(&file))?;
+    let point = Track { name: names.concat(), positions: measure::read(&file)? };
+    let measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
     measure::write(folder, &file.display().to_string(), &measured)?;
     measure::text(&measured).iter().for_each(|line| say!("{line}"));
