@@ -45,7 +45,7 @@ def test_they_are_good_estimators(estimator: Any) -> None:
 
 
 @pytest.mark.parametrize("estimator", EVERY, ids=str)
-def test_the_same_seed_learns_the_same_and_what_is_wrong_is_said(estimator: Any) -> None:
+def test_the_same_seed_learns_the_same_and_mistakes_are_errors(estimator: Any) -> None:
     rng = np.random.default_rng(4)
     rows, labels = rng.normal(size=(60, 5)), rng.integers(0, 3, 60)
     first = clone(estimator)
@@ -90,7 +90,7 @@ def test_the_same_seed_learns_the_same_and_what_is_wrong_is_said(estimator: Any)
     ],
     ids=str,
 )
-def test_parameters_out_of_range_are_told(wrong: Any, said: str) -> None:
+def test_parameters_out_of_range_are_errors(wrong: Any, said: str) -> None:
     rng = np.random.default_rng(4)
     with pytest.raises(ValueError, match=said):
         wrong.fit(rng.normal(size=(60, 5)), rng.integers(0, 3, 60))

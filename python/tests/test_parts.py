@@ -269,7 +269,7 @@ def test_mot_figures_of_a_swap() -> None:
             metrics.mot(wrong, truth)
 
 
-def test_what_is_wrong_is_said_at_once() -> None:
+def test_mistakes_are_errors_at_once() -> None:
     with pytest.raises(foveate.InputError, match="multinomial"):
         filter.ParticleFilter(lambda n, rng: np.zeros((n, 1)), lambda x, rng: x, lambda x, y: x[:, 0], scheme="none")  # type: ignore[arg-type]
     with pytest.raises(foveate.InputError, match="one row"):

@@ -286,7 +286,7 @@ def test_an_evaluation_on_ray(tmp_path: Path) -> None:
             assert (tmp_path / "far" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes(), name
 
 
-def test_what_the_program_refuses_is_told_once(tmp_path: Path) -> None:
+def test_a_refusal_of_the_program_is_reported_once(tmp_path: Path) -> None:
     pytest.importorskip("ray", reason="skipped: no package ray")
     command = [sys.executable, "-m", "foveate.ray", "eval", "--out", "out", "--workers", "1", "--parts", "2", "--", "--seqs", "none"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240)

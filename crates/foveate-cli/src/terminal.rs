@@ -144,7 +144,7 @@ fn style(template: &str) -> ProgressStyle {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn a_terminal_is_told_nothing_by_names() {
+    fn names_do_not_control_the_terminal() {
         assert_eq!(super::harmless("a\x1b[31mb\u{9b}c\td\n"), "a\\u{1b}[31mb\\u{9b}c\td\n");
         assert_eq!(super::harmless("über\n"), "über\n");
     }

@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_as_wide_as_said() {
+    fn text_is_as_wide_as_computed() {
         let mut page = Drawing::new(200, 20, [0; 3]);
         let width = page.text((2.0, 4.0), "frame 123", 10.0, [255; 3]);
         assert_eq!(width, text_width("frame 123", 10.0));

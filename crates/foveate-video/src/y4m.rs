@@ -294,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_yuv4mpeg_is_said() {
+    fn other_bytes_than_yuv4mpeg_are_refused() {
         for (text, word) in [
             (&b""[..], "nothing"),
             (b"YUV4MPEG2 W3 H2", "middle of a line"),

@@ -253,7 +253,7 @@ fn generated_parts_are_what_the_code_says() {
 
 #[cfg(feature = "report")]
 #[test]
-fn every_column_is_told() {
+fn every_column_is_described() {
     block("docs/columns.md", "outputs", &foveate::report::columns::dictionary());
 }
 
@@ -272,7 +272,7 @@ fn figures_of_the_changes_are_results() {
 
 /// The table of dependencies names every crate that a crate of the project needs, and no other.
 #[test]
-fn dependencies_are_told() {
+fn dependencies_have_reasons() {
     let architecture = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("it is there");
     let table = architecture.split("<!-- dependencies -->\n").nth(1).expect("a mark before the table");
     let rows = table.lines().take_while(|l| l.starts_with('|')).skip(2);

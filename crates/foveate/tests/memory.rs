@@ -80,7 +80,7 @@ fn blueprint(config: &str) -> Blueprint {
 
 /// A target takes the estimated memory beside its template, which is little.
 #[test]
-fn a_target_takes_what_was_told() {
+fn a_target_takes_the_estimated_memory() {
     for (config, most) in [("multi", 61_000), ("multi-motion", 300_000), ("multi-boxes", 300_000)] {
         let estimate = blueprint(config).memory_of_target() as usize;
         let (more, template, _) = run(config, 60, true, 3);

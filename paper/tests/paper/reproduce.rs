@@ -113,7 +113,7 @@ fn many_targets_in_parts() {
 }
 
 #[test]
-fn what_cannot_be_is_said() {
+fn impossible_requests_are_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     std::fs::write(dir.path().join("peers.csv"), "a,b\n1,2\n").expect("writable");
     let head = "title = 't'\nabout = ''\nseeds = 1\nframes = 30\ndigits = [3]\nkind = 'digits'\n";

@@ -87,7 +87,7 @@ fn many_targets_keep_their_ids() {
 }
 
 #[test]
-fn what_is_lost_is_told() {
+fn losses_of_a_conversion_are_reported() {
     let place = Place::new();
     place.write("polygons.txt", "10,0,20,10,10,20,0,10\n0\n1,2,3,4\n");
     assert!(

@@ -99,7 +99,7 @@ fn damage_is_reported_wherever_frames_are_counted() {
 
 /// What lies beside pictures or in their place is named, with what to give.
 #[test]
-fn folders_of_videos_are_told_from_frames() {
+fn folders_of_videos_differ_from_folders_of_frames() {
     let place = Place::new();
     std::fs::write(place.path("video/img/MVI_1.MP4"), "x").expect("a writable folder");
     let text = place.failure(&["video"]);

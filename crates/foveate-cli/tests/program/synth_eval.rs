@@ -124,7 +124,7 @@ fn boxes_and_pictures_are_counted_first() {
 
 /// As `foveate synth | head` with a reader that has gone.
 #[test]
-fn nobody_has_to_read_what_is_said() {
+fn output_without_a_reader_is_no_error() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let video = dir.path().join("video").to_string_lossy().into_owned();
     let (reader, writer) = std::io::pipe().expect("a pipe");

@@ -130,7 +130,7 @@ fn json_and_boxes_given_again() {
 }
 
 #[test]
-fn mistakes_are_told_in_words() {
+fn mistakes_have_clear_errors() {
     let place = Place::new();
     std::fs::create_dir(place.path("empty")).expect("a new folder");
     std::fs::create_dir_all(place.path("alone")).expect("a new folder");
@@ -281,7 +281,7 @@ fn a_detector_runs_once() {
 }
 
 #[test]
-fn detections_that_are_of_no_use_are_told_of() {
+fn useless_detections_are_reported() {
     let place = Place::new();
     std::fs::write(place.path("d.txt"), "1,-1,9000,9,20,20,1\n2,-1,9,-90,20,20,1\n99,-1,9,9,20,20,1\n")
         .expect("written");
@@ -294,7 +294,7 @@ fn detections_that_are_of_no_use_are_told_of() {
 
 /// Where ffmpeg is installed: a file that it calls whole, though it was cut, ends with an error, and what came is kept.
 #[test]
-fn a_cut_matroska_file_is_told_of() {
+fn a_cut_matroska_file_is_reported() {
     let ffmpeg = |args: &[&str], place: &Place| {
         std::process::Command::new("ffmpeg")
             .current_dir(place.path(""))

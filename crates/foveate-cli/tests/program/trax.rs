@@ -129,7 +129,7 @@ fn several_objects_have_a_tracker_each() {
 }
 
 #[test]
-fn damage_is_told_and_ends_the_session() {
+fn damage_is_reported_and_ends_the_session() {
     let place = Place::new();
     let (good, own) = (image(&place, 1), rectangle(first(&place)));
     let begin = format!("@@TRAX:initialize {good} {own}\n");

@@ -313,7 +313,7 @@ fn links_that_come_later_lead_nowhere() {
 }
 
 #[test]
-fn other_methods_are_told_which_is_allowed() {
+fn other_methods_get_the_allowed_ones() {
     let dir = place();
     let server = Server::start(dir.path(), &["serve", "seen", "--address", "localhost:0"]);
     for (method, path, allowed) in

@@ -71,7 +71,7 @@ fn a_user_s_classes_are_learned_and_a_track_says_them_by_name() {
 }
 
 #[test]
-fn mistakes_are_told() {
+fn mistakes_are_errors() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let dir = dir.path();
     let says = |words: &str, extra: &[&str]| {

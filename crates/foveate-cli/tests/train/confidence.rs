@@ -68,7 +68,7 @@ fn a_fit_that_was_killed_goes_on() {
 
 /// An output that cannot be written, or that would replace an input, is an error before any video is opened.
 #[test]
-fn what_cannot_be_written_is_told_at_once() {
+fn unwritable_results_are_refused_at_once() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     std::fs::create_dir(dir.path().join("folder")).expect("a folder");
     fails(fit(dir.path(), "folder"), "expected a file to write to, found a folder");

@@ -55,7 +55,7 @@ fn the_papers_way_and_larochelle_and_hintons() {
 }
 
 #[test]
-fn what_cannot_be_done_is_said_before_the_work() {
+fn impossible_work_is_refused_first() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
     for (extra, word) in [

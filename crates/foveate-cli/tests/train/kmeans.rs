@@ -39,7 +39,7 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_filters_serve_a
 }
 
 #[test]
-fn mistakes_are_told_before_the_work() {
+fn mistakes_are_errors_before_the_work() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let says = |extra: &[&str], words: &str| fails(command(dir.path(), "m.safetensors", extra), words);
     says(&[], "no photographs here");

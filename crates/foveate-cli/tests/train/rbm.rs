@@ -64,7 +64,7 @@ fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
 }
 
 #[test]
-fn mistakes_are_told_before_the_work() {
+fn mistakes_are_errors_before_the_work() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let says = |extra: &[&str], words: &str| fails(command(dir.path(), "m.safetensors", extra), words);
     says(&[], "train-images-idx3-ubyte");

@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told() {
+    fn mistakes_are_errors() {
         for (text, words) in [
             ("kind = \"exp4\"", &["exp4", "`exp3`", "`exp3-as-printed`", "`exp3-ix`", "`exp3-s`"][..]),
             ("kind = \"exp3\"\ngama = 0.1", &["gama", "`gamma`", "line"]),

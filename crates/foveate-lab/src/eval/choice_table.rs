@@ -146,7 +146,7 @@ mod tests {
     use crate::eval::choice::tests::{candidate, three};
 
     #[test]
-    fn a_choice_is_told() {
+    fn a_choice_is_described() {
         let candidates = three();
         let choice = Choice::of(&candidates, Some(1)).expect("both halves");
         let text = text(&choice);

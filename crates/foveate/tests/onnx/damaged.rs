@@ -50,7 +50,7 @@ fn changed_files_do_not_panic() {
 }
 
 #[test]
-fn no_network_is_told_in_words() {
+fn files_without_a_network_are_refused() {
     for (file, part) in
         [(&b""[..], "no"), (b"a text that is no network", "ONNX"), (&[0xff; 64], "ONNX"), (&deep(1)[..9], "ONNX")]
     {

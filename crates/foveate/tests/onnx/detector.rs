@@ -72,7 +72,7 @@ fn near(found: &[Detection], wanted: &[(BBox, f64)], scores: f64) {
 
 /// Letterbox, threshold, classes and suppression by hand, in every layout.
 #[test]
-fn boxes_are_where_they_are_said_to_be() {
+fn boxes_are_where_the_layout_puts_them() {
     // Black and white: the contrast is 1, whatever is around.
     let image =
         Image::new(120, 90, 3, (0..3 * 120 * 90).map(|i| if i % 120 < 60 { 0 } else { 255 }).collect()).expect("bytes");
@@ -116,7 +116,7 @@ fn it_keeps_the_law() {
 
 /// A file that is no detector, or another one, is refused with the reason.
 #[test]
-fn what_does_not_fit_is_told() {
+fn misfits_are_errors() {
     let (sides, numbers, scored) = yolov8(&ROWS);
     let says = |settings: &Settings, file: &[u8], parts: &[&str]| {
         let message = said(DetectorConfig::Onnx(settings.clone()).read(&File(file.to_vec())));

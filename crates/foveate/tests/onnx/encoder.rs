@@ -169,7 +169,7 @@ fn glimpses_do_not_meet() {
 
 /// The file of a model is read as any other is, and the error of one that does not fit names both sides.
 #[test]
-fn what_does_not_fit_is_told() {
+fn misfits_are_errors() {
     let says = |retina: &str, kind: &str, file: &[u8], parts: &[&str]| {
         let message = said(check(retina, kind, file));
         for part in parts.iter().chain(&["a.onnx"]) {

@@ -102,7 +102,7 @@ fn error(section: &str, from: &str, to: &str) -> String {
 }
 
 #[test]
-fn mistakes_are_told_with_place_and_valid_names() {
+fn mistakes_are_errors_with_place_and_valid_names() {
     check(GOOD).expect("a good configuration");
     let mut missing = vec![];
     for (section, from, to, words) in [

@@ -49,7 +49,7 @@ fn started(blueprint: &Blueprint) -> Tracker {
 }
 
 #[test]
-fn a_tracker_that_is_told_nothing_is_as_without() {
+fn a_tracker_without_detections_is_as_without_the_proposal() {
     let parts = with(&plain(), TOLD).parts().expect("parts that fit");
     let (mut a, mut b) = (started(&plain()), Tracker::from_parts(parts, Preprocessor::default(), 5));
     b.init(&frame(0, 1).image, INIT).expect("a box in the picture");

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told() {
+    fn mistakes_are_errors() {
         for (wrong, said) in [
             (&["particles"][..], "expected KEY=VALUE"),
             (&["particles=400,"], "expected KEY=VALUE"),

@@ -86,7 +86,7 @@ fn what_a_killed_run_left_is_removed_or_put_back() {
 }
 
 #[test]
-fn what_cannot_be_is_told_before_anything_is_done() {
+fn impossible_results_are_refused_before_the_work() {
     let place = tempfile::tempdir().expect("a temporary folder");
     let out = place.path().join("out");
     run(&out, &["film.mp4"], "one").expect("a first run");
