@@ -18,8 +18,10 @@ use foveate_base::Result;
 
 /// A stream that gives nothing for so long is opened again.
 const STALL: Duration = Duration::from_secs(10);
-/// How long ffprobe may take to find out whether an address has an end.
-const PROBE: Duration = Duration::from_secs(3);
+/// How long the server may be silent while ffprobe finds out whether an address has an end.
+const SILENCE: Duration = Duration::from_secs(3);
+/// How long that may take in all: a busy machine starts ffprobe late, and a file taken for a stream loses frames.
+const PROBE: Duration = Duration::from_secs(20);
 
 /// What an address gives: a stream, or a file with an end.
 pub struct Live {
@@ -122,7 +124,7 @@ impl About {
     /// Runs ffprobe over a separate connection. Returns nothing if it is missing, refused or too slow.
     fn ask(program: &Path, input: &Input) -> Self {
         let child = Command::new(probe(program))
-            .args(["-v", "quiet", "-nofind_stream_info", "-rw_timeout", &PROBE.as_micros().to_string()])
+            .args(["-v", "quiet", "-nofind_stream_info", "-rw_timeout", &SILENCE.as_micros().to_string()])
             .args(input.guards())
             .args(["-show_entries", "format=format_name,size,duration", "-of", "default=noprint_wrappers=1"])
             .arg(&input.name)
