@@ -11,7 +11,7 @@ use foveate::config::{Blueprint, Config};
 use foveate::extend::SavedState;
 use foveate::files::{Folder, Nowhere};
 use foveate::geometry::Size;
-use foveate::lab::Digits;
+use foveate::lab::{Digits, measure};
 use foveate::scene::{Detection, Image};
 use foveate::video::mot::Tracks;
 use foveate::video::{Decoder, Options, Pixels, Raw, annotation, decode_image, open_with, vot};
@@ -24,7 +24,7 @@ use super::{http, message};
 pub(crate) type Body = (&'static str, fn(&[u8]), usize);
 
 /// All of them.
-pub(crate) const ALL: [Body; 14] = [
+pub(crate) const ALL: [Body; 16] = [
     ("pictures", pictures, 1 << 16),
     ("mp4", mp4, 1 << 16),
     ("raw", raw, 1 << 14),
@@ -34,6 +34,8 @@ pub(crate) const ALL: [Body; 14] = [
     ("mot", mot, 1 << 12),
     ("boxes", boxes, 1 << 12),
     ("annotations", annotations, 1 << 13),
+    ("positions", positions, 1 << 12),
+    ("lens", lens, 1 << 12),
     ("idx", idx, 1 << 14),
     ("targets", targets, 1 << 10),
     ("calls", calls, 1 << 8),
@@ -52,7 +54,7 @@ pub(crate) fn pictures(bytes: &[u8]) {
 }
 
 /// A file with these bytes, for readers that read files.
-fn with_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
+fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
     thread_local!(static PLACE: std::path::PathBuf = {
         // In memory, if there is such a place.
         let memory = Path::new("/dev/shm");
@@ -64,9 +66,10 @@ fn with_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
     PLACE.with(|place| {
         let path = place.join(name);
         std::fs::write(&path, bytes).expect("room for a small file");
-        read(&path);
+        let value = read(&path);
         let _ = std::fs::remove_file(path);
-    });
+        value
+    })
 }
 
 fn frames(path: &Path, options: &Options) {
@@ -229,6 +232,24 @@ pub(crate) fn annotations(bytes: &[u8]) {
                 let _ = std::fs::remove_file(written);
             }
         });
+    }
+}
+
+/// The positions of a track.csv, and a fit to them.
+pub(crate) fn positions(bytes: &[u8]) {
+    let Ok(positions) = with_file("track.csv", bytes, measure::read) else { return };
+    let parabola = measure::FitRequest { curve: measure::Curve::Parabola, axis: 1, range: None };
+    let settings = measure::Settings { fits: vec![parabola], ..measure::Settings::default() };
+    let point = measure::Track { name: "fuzz".into(), positions };
+    if let Ok(measured) = measure::measure(&[point], None, &settings) {
+        measure::text(&measured);
+    }
+}
+
+/// Calibrations of a camera, as OpenCV and ROS write them.
+pub(crate) fn lens(bytes: &[u8]) {
+    if let Ok(lens) = with_file("lens.yml", bytes, measure::Lens::read) {
+        let _ = lens.undistort((3.0, 4.0));
     }
 }
 
