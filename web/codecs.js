@@ -1,5 +1,5 @@
 // H.264 in MP4 decoded by the browser (WebCodecs), ahead of the tracker. The list of samples comes from the tracker's own reader of
-// MP4; each frame is told by its number, which stands in the place of its time, so that none is lost or shown twice unnoticed.
+// MP4; each frame has its number in the place of its time, so that none is lost or shown twice unnoticed.
 const AHEAD = 4;       // frames that are decoded and wait
 const IN_FLIGHT = 16;  // samples given to the decoder that have not come back: more than any reorders
 

@@ -48,7 +48,7 @@ async function cameraSource() {
   return source;
 }
 
-// How many frames were not seen: said where it is not none.
+// Shows how many frames were not seen, if any.
 function tellMissed({ missed }) {
   byId('missed').textContent = missed ? `${missed} ${missed === 1 ? 'frame was' : 'frames were'} not seen: the tracker was busy or paused, or the browser left ${missed === 1 ? 'it' : 'them'} out.` : '';
   byId('missed').hidden = !missed;

@@ -3,7 +3,7 @@ function complain(error) {
   byId('message').textContent = error ? (error.message || String(error)) : '';
   byId('message').hidden = !error;
 }
-// What a click does; what goes wrong is told.
+// Returns a handler that does the work, and shows its error.
 const doing = work => async event => {
   try { complain(null); await work(event); } catch (error) { complain(error); }
 };
