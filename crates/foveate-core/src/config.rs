@@ -9,10 +9,12 @@ use std::sync::Arc;
 
 use crate::control::{LocalSearch, Redetection};
 use crate::engine::{Filter, GazeControl, Monitor};
+use crate::geometry::Gaze;
 use crate::identity::Appearance;
 use crate::identity::box_regression::{self, BoxRegression};
 use crate::identity::encoder::Encoder;
 use crate::identity::gaze_appearance::GazeAppearance;
+use crate::identity::oriented::Oriented;
 use crate::identity::retina::{Foveal, Retina};
 use crate::origin::Origin;
 use foveate_base::files::Files;
@@ -291,12 +293,24 @@ impl Blueprint {
             .with_steady_gaze(c.sensor.is_some() && covers_the_box(&self.retina))
             .with_colour(c.colour);
         let appearance = match c.discriminant {
-            Some(settings) => appearance.with_discriminant(settings).with_variation(self.variation.clone()),
+            Some(settings) => appearance
+                .with_discriminant(settings)
+                .with_gazes(&self.learned_gazes())
+                .with_variation(self.variation.clone()),
             None => appearance,
         };
         #[cfg(feature = "learn")]
         let appearance = appearance.training(c.online_training)?;
         Ok(Box::new(appearance))
+    }
+    /// The gazes that the discriminant serves beside the centre: all that the policy may commit to, unless it is known for the centre
+    /// alone how features vary, or gazes steer a sensor.
+    pub(crate) fn learned_gazes(&self) -> Vec<Gaze> {
+        let c = &self.config;
+        let steady = c.sensor.is_some() && covers_the_box(&self.retina);
+        let shared = c.discriminant.is_some() && self.variation.is_none() && !steady && c.observation_model.is_none();
+        let places = shared.then(|| self.encoder.downcast::<Oriented>()).flatten();
+        places.map_or(vec![], |_| c.policy.gazes_to_commit_to())
     }
     /// The same, with another retina and encoder, of whose features it is not known how they vary.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {

@@ -346,7 +346,8 @@ impl Blueprint {
     /// # Errors
     /// As [`Blueprint::tracker`].
     pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
-        let sensor = self.config().sensor.clone().map(Sensor::new);
+        let gazes = self.learned_gazes();
+        let sensor = self.config().sensor.clone().map(|settings| Sensor::new(settings).with_gazes(&gazes));
         Ok(Tracker::of(self.origin(seed, target), self.members()?, self.preprocessor()).with_sensor(sensor))
     }
 }

@@ -144,6 +144,13 @@ impl PolicyConfig {
             _ => matches!(self, Self::ExploreThenCommit { .. }),
         }
     }
+    /// The gazes that it chooses one of and commits to; none if it does not choose.
+    pub(super) fn gazes_to_commit_to(&self) -> Vec<Gaze> {
+        match self {
+            Self::ExploreThenCommit { grid, .. } => grid.gazes(),
+            _ => vec![],
+        }
+    }
     /// Returns whether it needs the first picture beside the rewards.
     #[cfg(feature = "learn")]
     fn needs_first_picture(&self) -> bool {

@@ -3,6 +3,8 @@
 use super::Blueprint;
 use crate::geometry::{BBox, Size, State};
 use crate::identity::discriminant::Discriminant;
+use crate::identity::encoder::Encoder;
+use crate::identity::oriented::Oriented;
 use crate::identity::retina::Retina;
 use crate::multi::MemoryEstimate;
 use foveate_base::{Error, Result, memory};
@@ -21,8 +23,18 @@ impl Blueprint {
         let (particles, features) = (c.particles as u64, (n_v + n_h) as u64);
         let state = std::mem::size_of::<State>() as u64;
         // The rows of the first frame and a triangle of sums in 16 bits; in a look, two whole ones and their mixture.
-        let row = n_h as u64 + 1;
-        let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (Discriminant::FIRST_ROWS * row, row * (row + 1) / 2));
+        let (row, gazes) = (n_h as u64 + 1, self.learned_gazes());
+        let learned = match self.encoder.downcast::<Oriented>() {
+            Some(encoder) if gazes.len() > 1 => {
+                let places = encoder.places(self.retina.cells());
+                Discriminant::new(c.discriminant.unwrap_or_default(), encoder.parts())
+                    .with_gazes(&gazes, &places)
+                    .length()
+            }
+            _ => row,
+        };
+        let rows = Discriminant::FIRST_ROWS * row * gazes.len().max(1) as u64;
+        let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (rows, learned * (learned + 1) / 2));
         let colours = if c.colour.is_some() { COLOURS } else { 0 };
         // Remembered places as bytes, each with its length; those of one frame as they are.
         let remembered = c.distractors.as_ref().filter(|settings| settings.remembered > 0);

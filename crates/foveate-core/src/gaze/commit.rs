@@ -1,12 +1,12 @@
 //! Explore, then commit (Perchet et al., 2016; Garivier et al., 2016): all gazes for a number of frames, then the best of them.
 //!
 //! While the policy explores, it scores all gazes of a frame with equal weights and adds up their rewards. Then it uses the gaze with the
-//! largest sum, and the appearance is trained again under that gaze, from the first frame on ([`Policy::committed_gaze`]). At intervals it
-//! explores for one frame again, and may change its choice. Use it with a sensor that reads only a part of the target: to read the whole
+//! largest sum ([`Policy::committed_gaze`]). The appearance has learned all gazes with one weight vector, or it is trained again under that
+//! gaze, from the first frame on. At intervals the policy explores for one frame again, and may change its choice. Use it with a sensor that reads only a part of the target: to read the whole
 //! target is expensive, and pays only until the best gaze is known.
 //!
 //! Deviation: the paper's policies choose anew in every frame. The discriminant ([`Discriminant`](crate::identity::Discriminant)) learns
-//! one place of the template, so a moving gaze cannot use it.
+//! most about what it sees in every frame.
 
 use super::gains::{Gains, GainsState};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};

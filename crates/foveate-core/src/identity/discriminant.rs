@@ -12,6 +12,9 @@
 //! if each part is dropped with that probability and scaled up otherwise (van der Maaten et al., 2013), so that parts
 //! become independent. C is the covariance of a target's features along a track, if known ([`Variation`]).
 //!
+//! If the gaze may move, w has one weight for each feature of the whole template, and each gaze reads a part of it ([`Layout`]): frame 1
+//! teaches all gazes, each later frame the committed one, and so the parts that other gazes share with it.
+//!
 //! Deviation: the paper's template is the first frame for ever. Correlation filters learn the same from all shifts at
 //! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.
 
@@ -23,11 +26,14 @@ use super::distance::{self, Distance, Kind};
 use super::packed::Packed;
 use crate::geometry::{Extent, Gaze, State};
 
+mod layout;
 mod ridge;
 mod saved;
 mod settings;
 mod variation;
 
+use self::layout::Layout;
+pub(crate) use self::layout::Place;
 pub(super) use self::ridge::Learning;
 use self::ridge::{Regression, STEPS, Sums, outer};
 pub use self::settings::Settings;
@@ -42,11 +48,16 @@ const DISTRACTORS: usize = 6;
 /// All places of the first frame, and of any.
 const PLACES: usize = 1 + RINGS.len() * 8 + SIZES.len();
 const MOST_PLACES: usize = PLACES + DISTRACTORS;
+/// Steps of several gazes for each step of one: their features are of different rows.
+const MORE: usize = 2;
+
 /// A score of features, learned online.
 #[derive(Clone, Debug)]
 pub struct Discriminant {
     regression: Regression,
-    /// The samples of the first frame. Its sums are larger, and are computed again if memory is short.
+    /// The parts that gazes read; `None` if it serves the committed gaze only.
+    layout: Option<Layout>,
+    /// The samples of the first frame, of all gazes. Its sums are larger, and are computed again if memory is short.
     first_rows: Vec<f32>,
     first: Sums,
     recent: Sums,
@@ -54,6 +65,13 @@ pub struct Discriminant {
     packed: Packed,
     weights: Vec<f32>,
     pub(super) learning: Learning,
+}
+
+/// A score of features under one gaze.
+#[derive(Clone, Copy, Debug)]
+pub struct Score<'a> {
+    bias: f32,
+    weights: &'a [f32],
 }
 
 impl Discriminant {
@@ -66,6 +84,7 @@ impl Discriminant {
         let zeros = Sums { gram: vec![0.0; n * (n + 1) / 2], cross: vec![0.0; n] };
         Self {
             regression: Regression { settings, parts, variation: None },
+            layout: None,
             first_rows: vec![],
             first: zeros.clone(),
             recent: zeros,
@@ -79,6 +98,32 @@ impl Discriminant {
     pub(super) fn with_variation(mut self, variation: Option<Arc<[f32]>>) -> Self {
         self.regression.variation = variation;
         self
+    }
+
+    /// The same for several gazes besides the centre, each of which reads the features at these places around it; without a variation.
+    pub(crate) fn with_gazes(mut self, gazes: &[Gaze], places: &[Place]) -> Self {
+        let layout = Layout::new(gazes, &self.regression.parts, places);
+        let n = layout.count();
+        for sums in [&mut self.first, &mut self.recent] {
+            (sums.gram, sums.cross) = (vec![0.0; n * (n + 1) / 2], vec![0.0; n]);
+        }
+        self.regression.parts = layout.parts().to_vec();
+        Self { layout: Some(layout), weights: vec![0.0; n], ..self }
+    }
+
+    /// The gazes that the first frame teaches beside the centre; empty if it learns at the committed gaze only.
+    pub(super) fn gazes(&self) -> &[Gaze] {
+        self.layout.as_ref().map_or(&[], Layout::gazes)
+    }
+
+    /// Weights of all gazes.
+    pub(crate) fn length(&self) -> u64 {
+        self.weights.len() as u64
+    }
+
+    /// Serves this committed gaze from now on. Returns false if it knows the last one only.
+    pub(super) fn commit(&mut self, gaze: Gaze) -> bool {
+        self.layout.as_mut().is_some_and(|layout| layout.commit(gaze))
     }
 
     /// Keeps no triangle until it learns again, but the rows of the first frame and a packed one; leaves the room to others.
@@ -101,7 +146,19 @@ impl Discriminant {
         }
         if self.first.gram.is_empty() {
             self.first.gram = std::mem::take(first);
-            outer(&self.first_rows, self.weights.len(), &mut self.first.gram);
+            self.sum_first();
+        }
+    }
+
+    /// Computes the triangle of the first frame from its rows.
+    fn sum_first(&mut self) {
+        let Self { layout, first_rows, first: Sums { gram, .. }, weights, learning: Learning { whole, .. }, .. } = self;
+        let n = weights.len();
+        let Some(layout) = layout else { return outer(first_rows, n, gram) };
+        gram.clear();
+        gram.resize(n * (n + 1) / 2, 0.0);
+        for (k, rows) in first_rows.chunks_exact((first_rows.len() / layout.gazes().len()).max(1)).enumerate() {
+            kernels::add_outer(layout.spread(rows, k, whole), n, 1.0, layout.mass(true), gram);
         }
     }
 
@@ -110,20 +167,26 @@ impl Discriminant {
         &self.regression.settings
     }
 
-    /// Returns whether it was trained for this gaze: the centre only.
-    pub fn is_trained_for(gaze: Gaze) -> bool {
-        gaze.u == 0.0 && gaze.v == 0.0
+    /// The score under a gaze, relative to the committed one; `None` if it was not trained for this gaze.
+    pub fn under(&self, gaze: Gaze) -> Option<Score<'_>> {
+        let weights = match &self.layout {
+            None => (gaze.u == 0.0 && gaze.v == 0.0).then_some(&self.weights[..])?,
+            Some(layout) => layout.weights(gaze)?,
+        };
+        let (bias, weights) = weights.split_last().expect("at least a bias");
+        Some(Score { bias: *bias, weights })
     }
+}
 
+impl Score<'_> {
     /// Its distance: 0 at the target, about 1 elsewhere.
     pub fn distance(&self, features: &[f32]) -> f64 {
-        let (bias, weights) = self.weights.split_last().expect("at least a bias");
-        1.0 - f64::from(kernels::dot(features, weights) + bias)
+        1.0 - f64::from(kernels::dot(features, self.weights) + self.bias)
     }
 
     /// A distance of features to a kept template, and this one: of all features once, for the cosine.
     pub(super) fn distances(&self, features: &[f32], to: Kind, template: &[f32]) -> (f64, f64) {
-        let (bias, weights) = self.weights.split_last().expect("at least a bias");
+        let Self { bias, weights } = *self;
         match to {
             Kind::Cosine => {
                 let [square, along, score] = kernels::dots(features, [template, weights]);
@@ -132,10 +195,18 @@ impl Discriminant {
             _ => (to.distance(features, template), self.distance(features)),
         }
     }
+}
+
+impl Discriminant {
+    /// Values of a row: the features of one gaze, and a 1.
+    fn width(&self) -> usize {
+        self.layout.as_ref().map_or(self.weights.len(), Layout::width)
+    }
 
     /// Chooses `places` for a target at `state`, and their labels.
     pub(super) fn look_around(&mut self, state: &State, extent: Extent, distractors: &[State]) {
-        let Self { learning: Learning { places, labels, rows, .. }, regression, weights, .. } = self;
+        let width = self.width();
+        let Self { learning: Learning { places, labels, rows, .. }, regression, .. } = self;
         let settings = &regression.settings;
         let (w, h) = state.half(extent);
         // Room for all that there may be.
@@ -143,7 +214,7 @@ impl Discriminant {
         places.reserve(MOST_PLACES);
         labels.clear();
         labels.reserve(MOST_PLACES);
-        rows.reserve((MOST_PLACES * weights.len()).saturating_sub(rows.len()));
+        rows.reserve((MOST_PLACES * width).saturating_sub(rows.len()));
         places.push(*state);
         for (k, radius) in RINGS.iter().enumerate() {
             for i in 0..8 {
@@ -159,23 +230,40 @@ impl Discriminant {
             let a = (place.log_aspect - state.log_aspect) / settings.log_scale;
             (-0.5 * (u * u + v * v + s * s + a * a)).exp() as f32
         }));
-        rows.resize(places.len() * weights.len(), 0.0);
+        rows.resize(places.len() * width, 0.0);
     }
 
-    /// Learns from `rows` at `places`. The first frame resets everything else.
-    pub(super) fn learn(&mut self, first: bool) {
+    /// Learns from `rows` at `places`, under the committed gaze.
+    pub(super) fn learn(&mut self) {
         self.unpack();
-        let Self { regression, first_rows, first: begun, recent, weights, learning, .. } = self;
-        let n = weights.len();
-        if first {
-            recent.learn(learning, n, (0.0, 1.0));
-            begun.clone_from(recent);
-            first_rows.clone_from(&learning.rows);
-            first_rows.shrink_to_fit();
-            return self.fit_anew();
+        let fading = self.regression.settings.fading();
+        self.add(self.layout.as_ref().map_or(0, Layout::committed), false, fading);
+        self.solve(STEPS.1);
+    }
+
+    /// Learns from `rows` at `places`, under the k-th gaze, in the first frame. The first gaze resets everything else.
+    pub(super) fn learn_first(&mut self, k: usize) {
+        self.unpack();
+        if k == 0 {
+            self.first_rows.clear();
         }
-        recent.learn(learning, n, regression.settings.fading());
-        regression.solve(begun, recent, weights, learning, STEPS.1);
+        self.first_rows.extend_from_slice(&self.learning.rows);
+        self.add(k, true, (if k == 0 { 0.0 } else { 1.0 }, 1.0));
+        if k + 1 >= self.gazes().len() {
+            self.first_rows.shrink_to_fit();
+            self.first.clone_from(&self.recent);
+            self.fit_anew();
+        }
+    }
+
+    /// Fades the recent sums, and adds a share of `rows`, which are of the k-th gaze.
+    fn add(&mut self, k: usize, first: bool, (keep, share): (f32, f32)) {
+        let Self { layout, recent, weights, learning: Learning { rows, labels, whole, .. }, .. } = self;
+        let (rows, mass) = match layout {
+            None => (&rows[..], 1.0),
+            Some(layout) => (layout.spread(rows, k, whole), layout.mass(first)),
+        };
+        recent.learn((rows, labels), weights.len(), (keep, share * mass));
     }
 
     /// Resets everything that was learned since the first frame.
@@ -188,9 +276,18 @@ impl Discriminant {
 
     /// Fits the sums of the first frame, starting from zero weights.
     fn fit_anew(&mut self) {
-        let Self { regression, first, recent, weights, learning, .. } = self;
-        weights.fill(0.0);
-        regression.solve(first, recent, weights, learning, STEPS.0);
+        self.weights.fill(0.0);
+        self.solve(STEPS.0);
+    }
+
+    /// Fits both sums by so many steps; twice as many if there are several gazes.
+    fn solve(&mut self, steps: usize) {
+        let Self { layout, regression, first, recent, weights, learning, .. } = self;
+        let steps = if layout.is_some() { MORE * steps } else { steps };
+        regression.solve(first, recent, weights, learning, steps);
+        if let Some(layout) = layout {
+            layout.take(weights);
+        }
     }
 }
 
@@ -221,9 +318,13 @@ mod tests {
             it.look_around(&TARGET, EXTENT, if frame == 0 { &[] } else { &distractors });
             it.learning.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
             it.learning.rows.chunks_exact_mut(N).for_each(|row| row[N - 1] = 1.0);
-            it.learn(frame == 0);
+            teach(&mut it, frame == 0);
         }
         it
+    }
+
+    fn teach(it: &mut Discriminant, first: bool) {
+        if first { it.learn_first(0) } else { it.learn() }
     }
 
     /// The solution by elimination, in f64, of sums made anew.
@@ -332,13 +433,54 @@ mod tests {
             each.look_around(&TARGET, EXTENT, &[]);
             let mut rng = Streams::new(4, 0).rng(9);
             each.learning.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
-            each.learn(false);
+            each.learn();
         }
         assert!(packed.weights == other.weights && packed.recent == other.recent && packed.first == other.first);
         for (a, b) in packed.weights.iter().zip(&never.weights) {
             assert!((a - b).abs() < 1e-3, "{a} {b}");
         }
         assert!(wider.load(&SavedState::new(&["?"])).is_err());
+    }
+
+    /// Two gazes that share two of four features. What a frame teaches one is known under the other, and stays when the gaze changes.
+    #[test]
+    fn gazes_learn_from_each_other() {
+        let place = |quantity: usize, u: f64| layout::Place { quantity, u, v: 0.0 };
+        let places: Vec<layout::Place> = [-0.5, 0.5].iter().flat_map(|u| [place(0, *u), place(1, *u)]).collect();
+        let gazes = [Gaze::CENTRE, Gaze { u: 1.0, v: 0.0, arm: Some(1) }];
+        let new = || Discriminant::new(Settings::default(), vec![4]).with_gazes(&gazes, &places);
+        let mut rng = Streams::new(4, 0).rng(0);
+        let mut it = new();
+        it.look_around(&TARGET, EXTENT, &[]);
+        let mut fill = |it: &mut Discriminant| {
+            it.learning.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
+            it.learning.rows.chunks_exact_mut(5).for_each(|row| row[4] = 1.0);
+        };
+        for k in 0..2 {
+            fill(&mut it);
+            it.learn_first(k);
+        }
+        let weights = |it: &Discriminant, gaze: Gaze| it.under(gaze).expect("a gaze of it").weights.to_vec();
+        let first = [gazes[0], gazes[1]].map(|gaze| weights(&it, gaze));
+        assert_eq!((first[0].len(), &first[0][2..]), (4, &first[1][..2]));
+        assert!(it.under(Gaze { u: 0.5, ..Gaze::CENTRE }).is_none());
+        fill(&mut it);
+        it.learn();
+        let second = [gazes[0], gazes[1]].map(|gaze| weights(&it, gaze));
+        assert!(second[1][..2] != first[1][..2], "what both read was learned");
+        let saved = it.save();
+        assert!(it.commit(gazes[1]));
+        assert_eq!(weights(&it, Gaze::CENTRE), second[1]);
+        let mut other = new();
+        other.load(&saved).expect("it was saved");
+        it.commit(Gaze::CENTRE);
+        it.compact();
+        for each in [&mut it, &mut other] {
+            each.unpack();
+        }
+        assert!(it.first == other.first && it.weights == other.weights);
+        it.restart();
+        assert_eq!([gazes[0], gazes[1]].map(|gaze| weights(&it, gaze)), first);
     }
 
     /// What looks much like the target in frame 1 looks less so once it is known; as many rows are taken up again as were saved.
@@ -356,8 +498,9 @@ mod tests {
                     row[..N - 1].copy_from_slice(if k == 0 { &target } else { &like });
                 }
             }
-            it.learn(true);
-            it.distance(&like) - it.distance(&target)
+            it.learn_first(0);
+            let score = it.under(Gaze::CENTRE).expect("it learned there");
+            score.distance(&like) - score.distance(&target)
         });
         assert!(distances[1] > distances[0] + 0.2, "{distances:?}");
         let mut other = Discriminant::new(Settings::default(), vec![N - 1]);

@@ -160,13 +160,13 @@ impl GazeAppearance {
         let (retina, encoder) = (&*self.retina, &*self.encoder);
         let (extent, weight) = (self.extent(), self.mixing().0);
         let distance = self.distance;
-        let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::is_trained_for(gaze));
+        let discriminant = self.discriminant.as_ref().and_then(|it| it.under(gaze));
         let Buffers { views, glimpses, features, .. } = &mut self.buffers;
         let pyramid = &views.get(view).pyramid;
         let template = &self.scratch.template[..];
         let judge = |h: &[f32]| match discriminant {
-            Some(it) => {
-                let (from_template, from_discriminant) = it.distances(h, distance, template);
+            Some(score) => {
+                let (from_template, from_discriminant) = score.distances(h, distance, template);
                 (1.0 - weight) * from_template + weight * from_discriminant
             }
             None => distance.distance(h, template),
@@ -258,7 +258,7 @@ impl Appearance for GazeAppearance {
         if let Some(colour) = &mut self.colour {
             colour.init(image, state, extent);
         }
-        self.init_reference(image, state, extent, streams)
+        self.init_reference(image, state, extent, streams, false)
     }
 
     fn prepare(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
@@ -379,7 +379,10 @@ impl Memory for GazeAppearance {
     }
 
     fn init_distractors(&mut self, image: &Image, state: &State, distractors: &[State]) {
-        self.learn_first(image, state, distractors);
+        // What other gazes and later frames have taught stays.
+        if self.discriminant.as_ref().is_some_and(|it| it.gazes().is_empty()) {
+            self.learn_first(image, state, distractors);
+        }
     }
 }
 

@@ -14,7 +14,9 @@
 use foveate_kernels as kernels;
 use serde::{Deserialize, Serialize};
 
+use super::discriminant::Place;
 use super::encoder::Encoder;
+use super::retina::Cell;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
@@ -75,6 +77,28 @@ impl Oriented {
         Ok(Self { blocks, cells, colour: channels.len() - cells, lengths })
     }
 
+    /// What each feature measures and where, of a retina with these cells.
+    pub(crate) fn places(&self, cells: &[Cell]) -> Vec<Place> {
+        let side = self.cells.isqrt();
+        let [gradients, grey, colour] = self.lengths.sizes(self.blocks, self.colour);
+        // The middle of a square of cells inside the border.
+        let middle = |row: usize, column: usize, n: usize| {
+            let cell = |i: usize, j: usize| &cells[(1 + n * row + i) * side + 1 + n * column + j];
+            let (first, last) = (cell(0, 0), cell(n - 1, n - 1));
+            (0.5 * (first.u + last.u), 0.5 * (first.v + last.v))
+        };
+        let block = |k: usize| {
+            middle(k / kernels::DIRECTIONS / self.blocks, k / kernels::DIRECTIONS % self.blocks, kernels::BLOCK)
+        };
+        let pair = |k: usize| middle(k / (2 * self.blocks), k % (2 * self.blocks), kernels::BLOCK / 2);
+        let opponent = |k: usize| (cells[self.cells + k].u, cells[self.cells + k].v);
+        let place = |quantity: usize, (u, v): (f64, f64)| Place { quantity, u, v };
+        let gradients = (0..gradients).map(|k| place(k % kernels::DIRECTIONS, block(k)));
+        let grey = (0..grey).map(|k| place(0, pair(k)));
+        let colour = (0..colour).map(|k| place(cells[self.cells + k].channel, opponent(k)));
+        gradients.chain(grey).chain(colour).collect()
+    }
+
     /// Blocks along a side, and the lengths of the parts, for `kernels::oriented_features`.
     pub(super) fn blocks(&self) -> (usize, kernels::Lengths) {
         (self.blocks, self.lengths)
@@ -102,6 +126,11 @@ impl Encoder for Oriented {
 mod tests {
     use super::*;
     use crate::conformance;
+    use crate::geometry::{Extent, Gaze, State};
+    use crate::identity::Retina;
+    use crate::identity::pyramid::{Pyramid, Region};
+    use crate::identity::retina::{Foveal, FovealConfig};
+    use crate::scene::Image;
     use foveate_base::rng::Streams;
     use rand::RngExt;
 
@@ -139,6 +168,45 @@ mod tests {
         let endless = encode(&dark.iter().map(|v| if *v > 0.5 { *v } else { 1e6 * v }).collect::<Vec<f32>>());
         assert!((norm(&endless) - 0.8f32.sqrt()).abs() < 1e-3, "{}", norm(&endless));
         assert!(norm(&flat) < 0.1, "{}", norm(&flat));
+    }
+
+    /// A patch of the picture shows in the same feature of the template, whichever gaze reads it.
+    #[test]
+    fn a_feature_is_at_its_place_under_each_gaze() {
+        let config = FovealConfig { side: 16.0, rings: vec![[10, 1]], colour: vec![[8, 4]] };
+        let retina = Foveal::new(config).expect("whole cells");
+        let it = Oriented::new(&retina.channels(), Weights::default()).expect("2 blocks and a border");
+        let places = it.places(retina.cells());
+        let (extent, at) = (Extent { half_w: 32.0, half_h: 32.0 }, State { x: 64.0, y: 64.0, ..State::default() });
+        // In the middle of a block of the centre and of three gazes about it: bright, then red.
+        let patch = [-0.25, 0.25].map(|place| (64.0 + 32.0 * place) as usize);
+        for (colour, parts) in [([255; 3], 0..2), ([255, 60, 60], 2..3)] {
+            let near = |x: usize, y: usize| x.abs_diff(patch[0]) <= 4 && y.abs_diff(patch[1]) <= 4;
+            let pixel = |i: usize| if near(i % 128, i / 128) { colour } else { [128; 3] };
+            let bytes: Vec<u8> = (0..128 * 128).flat_map(pixel).collect();
+            let image = Image::from_rgb8(128, 128, &bytes).expect("128 x 128");
+            let (mut pyramid, mut v, mut h) = (Pyramid::default(), vec![0.0; it.shape().0], vec![0.0; it.shape().1]);
+            let gazes = [(0.0, 0.0), (-0.5, 0.0), (0.0, 0.5), (-0.5, 0.5)].map(|(u, v)| Gaze { u, v, arm: None });
+            let region = Region::covering(&image, &[at], &gazes, extent, 2.0);
+            pyramid.build(&image, region, retina.footprints(), (extent.half_w, extent.half_h));
+            for gaze in gazes {
+                retina.look(&pyramid, at.fixate(gaze, extent), &mut v);
+                it.encode(Rows::new(&v, v.len()), RowsMut::new(&mut h, it.shape().1));
+                let mut begun = 0;
+                for (part, length) in it.parts().into_iter().enumerate() {
+                    let of = begun..begun + length;
+                    begun += length;
+                    if !parts.contains(&part) {
+                        continue;
+                    }
+                    let largest = of.max_by(|a, b| h[*a].abs().total_cmp(&h[*b].abs())).expect("features");
+                    let Place { u, v, .. } = places[largest];
+                    let off = (gaze.u + u + 0.25).abs().max((gaze.v + v - 0.25).abs());
+                    // Grey has four sums of cells in a block.
+                    assert!(off <= if part == 1 { 0.126 } else { 1e-6 }, "part {part} under {gaze:?}: {off}");
+                }
+            }
+        }
     }
 
     #[test]

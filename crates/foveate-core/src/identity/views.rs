@@ -168,10 +168,11 @@ impl Views {
         &mut self,
         image: &Image,
         states: &[State],
+        gazes: &[Gaze],
         looks: Looks<'_>,
         colour: Option<&mut Colour>,
     ) -> &View {
-        let wanted = self.survey(image, states, &[Gaze::CENTRE], looks);
+        let wanted = self.survey(image, states, gazes, looks);
         let all = self.regions.iter().copied().reduce(|a, b| a.union(&b));
         self.regions.clear();
         self.regions.extend(all);

@@ -130,6 +130,8 @@ impl SensorSettings {
 #[derive(Clone, Debug)]
 pub struct Sensor {
     settings: SensorSettings,
+    /// The farthest gaze that the first look serves, template units.
+    far: f64,
     seen: Image,
     /// The areas painted since the last reset.
     painted: Vec<Window>,
@@ -144,7 +146,20 @@ impl Sensor {
     /// With checked settings; it has read nothing.
     pub fn new(settings: SensorSettings) -> Self {
         let seen = Image::grey(1, 1, UNREAD);
-        Self { settings, seen, painted: vec![], bytes: vec![], lines: Default::default(), taps: vec![], values: 0 }
+        Self {
+            settings,
+            far: 0.0,
+            seen,
+            painted: vec![],
+            bytes: vec![],
+            lines: Default::default(),
+            taps: vec![],
+            values: 0,
+        }
+    }
+    /// The first look at a target serves these gazes, too.
+    pub(crate) fn with_gazes(self, gazes: &[Gaze]) -> Self {
+        Self { far: gazes.iter().map(|gaze| gaze.u.abs().max(gaze.v.abs())).fold(0.0, f64::max), ..self }
     }
     /// The values of the frame at their positions in the picture; grey elsewhere.
     pub fn seen(&self) -> &Image {
@@ -203,7 +218,7 @@ impl Sensor {
         self.patch(source, at, extent, middle, [reach + far, side * (1.0 + far / reach)])
     }
 
-    /// The first look at a target, in the frame it was given in: the widest window, and as sharp as the sharpest.
+    /// The first look at a target, in the frame it was given in: the widest window, about all gazes, and as sharp as the sharpest.
     ///
     /// # Errors
     /// Fails if the source cannot be read.
@@ -212,6 +227,7 @@ impl Sensor {
             .settings
             .patches()
             .fold((0.0f64, f64::INFINITY), |(reach, finest), [r, side]| (reach.max(r), finest.min(2.0 * r / side)));
+        let reach = reach + self.far;
         self.patch(source, at, extent, Gaze::CENTRE, [reach, 2.0 * reach / finest])
     }
 

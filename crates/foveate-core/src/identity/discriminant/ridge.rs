@@ -29,6 +29,8 @@ pub(in crate::identity) struct Learning {
     /// The features there, each followed by a 1.
     pub rows: Vec<f32>,
     pub labels: Vec<f32>,
+    /// Rows of the features of all gazes; 0 for those that a gaze does not read.
+    pub whole: Vec<f32>,
     system: Sums,
     work: [Vec<f32>; 2],
     /// Scratch buffer for the triangles of a discriminant that keeps none.
@@ -36,12 +38,12 @@ pub(in crate::identity) struct Learning {
 }
 
 impl Sums {
-    /// Fades the sums, and adds a share of `rows` at `places`.
-    pub(super) fn learn(&mut self, Learning { rows, labels, .. }: &Learning, n: usize, (keep, share): (f32, f32)) {
-        match keep > 0.0 {
-            true => kernels::add_outer(rows, n, keep, share, &mut self.gram),
-            false => outer(rows, n, &mut self.gram),
+    /// Fades the sums, and adds a share of rows of `n` values with these labels.
+    pub(super) fn learn(&mut self, (rows, labels): (&[f32], &[f32]), n: usize, (keep, share): (f32, f32)) {
+        if keep == 0.0 {
+            self.gram.fill(0.0);
         }
+        kernels::add_outer(rows, n, keep, share, &mut self.gram);
         self.cross.iter_mut().for_each(|b| *b *= keep);
         for (row, label) in rows.chunks_exact(n).zip(labels) {
             self.cross.iter_mut().zip(row).for_each(|(b, h)| *b += share * *label * h);

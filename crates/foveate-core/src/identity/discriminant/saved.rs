@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Discriminant, MOST_PLACES, PLACES, Sums, outer};
+use super::{Discriminant, MOST_PLACES, PLACES, Sums};
 use crate::identity::numbers::floats;
 use crate::saved_state::{SavedState, Valid, Validate, ensure};
 use foveate_base::Result;
@@ -25,9 +25,10 @@ impl Validate<Discriminant> for Saved<'_> {
         let Self { first_rows, first_cross, recent, weights } = self;
         let n = of.weights.len();
         // Of the first frame there may be distractors besides.
-        let rows = (first_rows.len() / n).clamp(PLACES, MOST_PLACES);
+        let row = of.width() * of.gazes().len().max(1);
+        let rows = (first_rows.len() / row).clamp(PLACES, MOST_PLACES);
         let sums = |sums: &Sums| [(sums.gram.len(), n * (n + 1) / 2), (sums.cross.len(), n)];
-        let mut lengths = vec![(first_rows.len(), rows * n), (first_cross.len(), n), (weights.len(), n)];
+        let mut lengths = vec![(first_rows.len(), rows * row), (first_cross.len(), n), (weights.len(), n)];
         lengths.extend(sums(recent));
         lengths.into_iter().try_for_each(|(found, expected)| {
             ensure(found == expected, || format!("it has {found} numbers where this tracker has {expected}"))
@@ -54,9 +55,12 @@ impl Discriminant {
     pub fn load(&mut self, saved: &SavedState) -> Result<()> {
         let saved: Saved<'_> = saved.state("discriminant", self)?;
         self.first_rows = saved.first_rows.into_owned();
-        outer(&self.first_rows, self.weights.len(), &mut self.first.gram);
+        self.sum_first();
         self.first.cross = saved.first_cross.into_owned();
         (self.recent, self.weights) = (saved.recent.into_owned(), saved.weights.into_owned());
+        if let Some(layout) = &mut self.layout {
+            layout.take(&self.weights);
+        }
         Ok(())
     }
 }

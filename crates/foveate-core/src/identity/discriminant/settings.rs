@@ -4,7 +4,8 @@ use foveate_base::Result;
 use foveate_base::error::within;
 use serde::{Deserialize, Serialize};
 
-/// Settings of the discriminant. It needs a gaze at the centre; other gazes are compared with the template alone.
+/// Settings of the discriminant. It needs a gaze at the centre; other gazes are compared with the template alone. With the encoder
+/// `oriented`, the policy `explore-then-commit` and no `[variation]` it learns all gazes of the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {

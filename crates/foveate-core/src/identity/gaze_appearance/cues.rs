@@ -6,6 +6,7 @@ use super::{CHUNK, GazeAppearance, dim, looks};
 use crate::geometry::{Fixation, Gaze, State};
 use crate::identity::colour::{self, Colour};
 use crate::identity::discriminant::{self, Discriminant, Learning};
+use crate::identity::oriented::Oriented;
 use crate::identity::{Buffers, Lesson};
 use crate::scene::Image;
 use foveate_base::rows::{Rows, RowsMut};
@@ -22,6 +23,13 @@ impl GazeAppearance {
         Self { discriminant: self.discriminant.map(|it| it.with_variation(penalty)), ..self }
     }
 
+    /// The discriminant learns one weight vector for these gazes and the centre, if the features of all have known places.
+    pub(crate) fn with_gazes(self, gazes: &[Gaze]) -> Self {
+        let Some(encoder) = self.encoder.downcast::<Oriented>().filter(|_| gazes.len() > 1) else { return self };
+        let places = encoder.places(self.centred.cells());
+        Self { discriminant: self.discriminant.map(|it| it.with_gazes(gazes, &places)), ..self }
+    }
+
     /// Learns while tracking the colours of the target and of its surroundings, by these settings.
     pub fn with_colour(self, settings: Option<colour::Settings>) -> Self {
         Self { colour: settings.map(Colour::new), ..self }
@@ -32,7 +40,7 @@ impl GazeAppearance {
         Self { steady, ..self }
     }
 
-    /// Learns the first frame with its distractors as negatives.
+    /// Learns the first frame, under each gaze of the discriminant, with its distractors as negatives.
     pub(super) fn learn_first(&mut self, image: &Image, state: &State, distractors: &[State]) {
         self.discriminate(image, state, distractors, true);
     }
@@ -51,25 +59,39 @@ impl GazeAppearance {
         self.train(image, state, lesson.deficit);
     }
 
-    /// Looks at the target and around it, and learns the difference.
+    /// Looks at the target and around it, and learns the difference: in the first frame under all gazes of the discriminant.
     fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], first: bool) {
         let Some(mut it) = self.discriminant.take() else { return };
-        let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
+        let extent = self.extent();
         it.look_around(state, extent, distractors);
-        let Learning { places, rows, .. } = &mut it.learning;
+        let all = if first { it.gazes() } else { &[] };
+        let all: Vec<Gaze> = all.iter().map(|gaze| gaze.relative_to(self.committed)).collect();
+        let gazes = if all.is_empty() { &[Gaze::CENTRE] } else { &all[..] };
+        let places = &it.learning.places;
         // After a look around the target for distractors most often all is there.
         let looks = looks(&*self.retina, extent);
-        let Buffers { views, dimmed, learned: glimpses, .. } = &mut self.buffers;
+        let Buffers { views, dimmed, .. } = &mut self.buffers;
         if first || views.whole(places, looks).is_none() {
             let kept = self.kept.as_ref().expect("a template is kept before the first look");
             let image = dim(image, &kept.image, self.discounting_background, dimmed);
-            views.see_whole(image, places, looks, self.colour.as_mut());
+            views.see_whole(image, places, gazes, looks, self.colour.as_mut());
         }
-        let view = views.whole(places, looks).expect("just seen");
+        for (k, gaze) in gazes.iter().enumerate() {
+            self.encode_each(*gaze, &mut it.learning);
+            if first { it.learn_first(k) } else { it.learn() }
+        }
+        self.discriminant = Some(it);
+    }
+
+    /// Fills the rows with the features at all places under a gaze, each with a 1 behind them.
+    fn encode_each(&mut self, gaze: Gaze, Learning { places, rows, .. }: &mut Learning) {
+        let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
+        let Buffers { views, learned: glimpses, .. } = &mut self.buffers;
+        let view = views.whole(places, looks(&*self.retina, extent)).expect("just seen");
         glimpses.resize(CHUNK * n_v, 0.0);
         for (places, rows) in places.chunks(CHUNK).zip(rows.chunks_mut(CHUNK * (n_h + 1))) {
             let mut at = [Fixation::default(); CHUNK];
-            at.iter_mut().zip(places).for_each(|(at, place)| *at = place.fixate(Gaze::CENTRE, extent));
+            at.iter_mut().zip(places).for_each(|(at, place)| *at = place.fixate(gaze, extent));
             let glimpses = &mut glimpses[..places.len() * n_v];
             self.retina.look_each(&view.pyramid, &at[..places.len()], RowsMut::new(glimpses, n_v));
             for (glimpse, row) in glimpses.chunks_exact_mut(n_v).zip(rows.chunks_exact_mut(n_h + 1)) {
@@ -79,8 +101,6 @@ impl GazeAppearance {
                 one[0] = 1.0;
             }
         }
-        it.learn(first);
-        self.discriminant = Some(it);
     }
 
     /// Features of states that were seen, under the centre gaze, row by row.
