@@ -140,16 +140,4 @@ mod tests {
         LIKELIHOOD.weigh(&[seen(58.0, 0.0, 1.0)], &states, EXTENT, &mut none);
         assert_eq!(none, [f64::NEG_INFINITY; 2]);
     }
-
-    #[test]
-    fn settings_are_checked() {
-        assert!(DetectionLikelihood::default().check().is_ok() && LIKELIHOOD.check().is_ok());
-        for (bad, name) in [
-            (DetectionLikelihood { place: 0.0, ..LIKELIHOOD }, "place"),
-            (DetectionLikelihood { size: f64::NAN, ..LIKELIHOOD }, "size"),
-            (DetectionLikelihood { outlier: 0.0, ..LIKELIHOOD }, "outlier"),
-        ] {
-            assert!(bad.check().expect_err(name).to_string().contains(name));
-        }
-    }
 }

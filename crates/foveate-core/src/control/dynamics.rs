@@ -350,25 +350,4 @@ pub(super) mod tests {
             assert_eq!(still.log_density(&moved, &FROM), f64::NEG_INFINITY);
         }
     }
-
-    #[test]
-    fn settings_are_checked() {
-        assert!(ALL.check().is_ok() && Autoregressive::default().check().is_ok());
-        for (bad, name) in [
-            (Autoregressive { velocity: -1.0, ..ALL }, "velocity"),
-            (Autoregressive { angle: f64::NAN, ..ALL }, "dynamics.angle "),
-            (Autoregressive { aspect: -0.1, ..ALL }, "dynamics.aspect "),
-            (Autoregressive { aspect_pull: 1.1, ..ALL }, "aspect_pull"),
-            (Autoregressive { damping: 1.1, ..ALL }, "damping"),
-            (Autoregressive { tail_probability: 1.1, ..ALL }, "tail_probability"),
-            (Autoregressive { tail_scale: 0.5, ..ALL }, "tail_scale "),
-        ] {
-            let message = bad.check().expect_err("out of range").to_string();
-            assert!(message.contains(name), "{message}");
-        }
-        let read = toml::from_str::<Autoregressive>("velocity = 3\n").expect("others have defaults");
-        assert_eq!(read, Autoregressive { velocity: 3.0, ..Autoregressive::default() });
-        let message = toml::from_str::<Autoregressive>("velocty = 3\n").expect_err("misspelt").to_string();
-        assert!(message.contains("velocty") && message.contains("velocity"), "{message}");
-    }
 }

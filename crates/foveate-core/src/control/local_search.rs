@@ -160,19 +160,4 @@ mod tests {
         none.candidates.draw(-1.9, &mut states, &mut log_prior, &mut which, streams);
         assert!(which.is_empty(), "nothing fits as well as the estimate");
     }
-
-    #[test]
-    fn settings_are_checked() {
-        let usual = LocalSearchSettings::default();
-        assert!(usual.check().is_ok());
-        for (bad, said) in [
-            (LocalSearchSettings { fit: -1.0, ..usual }, "fit"),
-            (LocalSearchSettings { chance: 0.0, ..usual }, "chance"),
-            (LocalSearchSettings { share: f64::NAN, ..usual }, "share"),
-            (LocalSearchSettings { places: 0, ..usual }, "places"),
-            (LocalSearchSettings { spread: 11.0, ..usual }, "spread"),
-        ] {
-            assert!(bad.check().expect_err(said).to_string().contains(said));
-        }
-    }
 }

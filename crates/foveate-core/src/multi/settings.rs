@@ -227,26 +227,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_out_of_range_are_named() {
-        assert!(Settings::default().check().is_ok());
+    fn detections_that_span_too_few_frames_are_named() {
         let base = Settings::default();
-        for (settings, name) in [
-            (Settings { gate: f64::NAN, ..base }, "multi_target.gate"),
-            (
-                Settings { initiation: Initiation { hits: 9, ..base.initiation }, ..base },
-                "multi_target.initiation.within",
-            ),
-            (
-                Settings { termination: Termination { lost: 0, ..base.termination }, ..base },
-                "multi_target.termination.lost",
-            ),
-            (
-                Settings { occlusion: Occlusion { hidden: 1.5, ..base.occlusion }, ..base },
-                "multi_target.occlusion.hidden",
-            ),
-        ] {
-            let said = settings.check().expect_err(name).to_string();
-            assert!(said.contains(name), "{said}");
-        }
+        let settings = Settings { initiation: Initiation { hits: 9, ..base.initiation }, ..base };
+        let said = settings.check().expect_err("more than it may span").to_string();
+        assert!(said.contains("multi_target.initiation.within"), "{said}");
     }
 }

@@ -275,25 +275,32 @@ impl Part<'_> {
         find(parse(&config.to_toml()))
     }
 
-    /// The range that the library's own error names for a number that is far out of it.
+    /// The range that the library's own error names for a number that is far out of it. Every number refuses NaN.
     fn range(&self, key: &str, kind: &str) -> Option<String> {
         let far: &[Value] = match kind {
             "usize" | "u64" => &[Value::Integer(1 << 60), Value::Integer(0)],
-            _ => &[Value::Float(-1e12), Value::Float(1e12)],
-        };
-        far.iter().find_map(|value| {
-            let mut whole = self.given.clone();
-            let mut table = &mut whole;
-            let path: Vec<&str> = self.path.iter().map(String::as_str).chain(key.split('.')).collect();
-            let (last, path) = path.split_last().expect("a key");
-            for part in path {
-                let inner = table.entry(*part).or_insert_with(|| Value::Table(Table::new()));
-                table = inner.as_table_mut()?;
+            _ => {
+                let error = self.error(key, Value::Float(f64::NAN)).unwrap_or_else(|| panic!("{key} accepts NaN"));
+                assert!(key.split('.').any(|part| error.contains(part)), "{key}: {error}");
+                &[Value::Float(-1e12), Value::Float(1e12)]
             }
-            table.insert((*last).into(), value.clone());
-            let read = Config::parse(&toml::to_string(&whole).expect("a table"), "given");
-            interval(&read.and_then(|config| config.check(&Nowhere)).err()?.to_string())
-        })
+        };
+        far.iter().find_map(|value| interval(&self.error(key, value.clone())?))
+    }
+
+    /// The error of a configuration in which the key has this value.
+    fn error(&self, key: &str, value: Value) -> Option<String> {
+        let mut whole = self.given.clone();
+        let mut table = &mut whole;
+        let path: Vec<&str> = self.path.iter().map(String::as_str).chain(key.split('.')).collect();
+        let (last, path) = path.split_last().expect("a key");
+        for part in path {
+            let inner = table.entry(*part).or_insert_with(|| Value::Table(Table::new()));
+            table = inner.as_table_mut()?;
+        }
+        table.insert((*last).into(), value);
+        let read = Config::parse(&toml::to_string(&whole).expect("a table"), "given");
+        Some(read.and_then(|config| config.check(&Nowhere)).err()?.to_string())
     }
 
     /// The meanings of the words of an enum.
