@@ -2,53 +2,30 @@
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
-use serde::{Deserialize, Serialize};
 
 use crate::geometry::{BBox, Extent, State};
 use crate::scene::Image;
-use foveate_base::error::within;
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 
-/// Spread of the first particles. Lengths are in template units: 1 is half the box.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct StartSpread {
-    /// Standard deviation of the position.
-    pub position: f64,
-    /// Standard deviation of the velocity, template units a frame.
-    pub velocity: f64,
-    /// Standard deviation of the log scale.
-    pub log_scale: f64,
-    /// Standard deviation of the angle, radians.
-    pub angle: f64,
-    /// Standard deviation of the log aspect.
-    pub aspect: f64,
-}
-
-impl Default for StartSpread {
-    fn default() -> Self {
-        Self { position: 0.05, velocity: 0.1, log_scale: 0.0, angle: 0.0, aspect: 0.0 }
+settings! {
+    /// Spread of the first particles. Lengths are in template units: 1 is half the box.
+    #[derive(Copy)]
+    pub struct StartSpread in "start" {
+        /// Standard deviation of the position.
+        pub position: f64 = 0.05; 0.0 to 100.0,
+        /// Standard deviation of the velocity, template units a frame.
+        pub velocity: f64 = 0.1; 0.0 to 100.0,
+        /// Standard deviation of the log scale.
+        pub log_scale: f64 = 0.0; 0.0 to 5.0,
+        /// Standard deviation of the angle, radians.
+        pub angle: f64 = 0.0; 0.0 to 100.0,
+        /// Standard deviation of the log aspect.
+        pub aspect: f64 = 0.0; 0.0 to 5.0,
     }
 }
 
 impl StartSpread {
-    /// Checks all standard deviations.
-    ///
-    /// # Errors
-    /// If one is negative or too large; the error names the field.
-    pub fn check(&self) -> Result<()> {
-        for (name, sd, most) in [
-            ("position", self.position, 100.0),
-            ("velocity", self.velocity, 100.0),
-            ("log_scale", self.log_scale, 5.0),
-            ("angle", self.angle, 100.0),
-            ("aspect", self.aspect, 5.0),
-        ] {
-            within(&format!("start.{name}"), sd, 0.0, most)?;
-        }
-        Ok(())
-    }
     /// Draws particles around a state.
     pub fn draw(&self, state: &State, extent: Extent, particles: &mut [State], streams: Streams) {
         for (i, particle) in particles.iter_mut().enumerate() {

@@ -11,41 +11,24 @@
 //! Deviation: the paper puts flow into the proposal q. Here it belongs to p, which then includes camera motion: p/q
 //! stays 1, and a jump of the picture is not a jump of the target.
 
-use serde::{Deserialize, Serialize};
-
 use super::evenly;
 use crate::geometry::State;
 use crate::scene::Flow;
-use foveate_base::Result;
-use foveate_base::error::within;
 
-/// How far states move with the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CameraMotion {
-    /// Share of the camera's motion that particles follow, 0 to 1.
-    pub camera: f64,
-    /// Share of the local flow beyond the camera's motion that particles follow, 0 to 1.
-    pub local: f64,
-    /// Share of the particles that follow it; the others assume a fixed camera, 0 to 1.
-    pub share: f64,
-}
-
-impl Default for CameraMotion {
-    fn default() -> Self {
-        Self { camera: 1.0, local: 0.0, share: 1.0 }
+settings! {
+    /// How far states move with the picture.
+    #[derive(Copy)]
+    pub struct CameraMotion in "camera_motion" {
+        /// Share of the camera's motion that particles follow, 0 to 1.
+        pub camera: f64 = 1.0; 0.0 to 1.0,
+        /// Share of the local flow beyond the camera's motion that particles follow, 0 to 1.
+        pub local: f64 = 0.0; 0.0 to 1.0,
+        /// Share of the particles that follow it; the others assume a fixed camera, 0 to 1.
+        pub share: f64 = 1.0; 0.0 to 1.0,
     }
 }
 
 impl CameraMotion {
-    /// Fails with the key if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        for (name, value) in [("camera", self.camera), ("local", self.local), ("share", self.share)] {
-            within(&format!("camera_motion.{name}"), value, 0.0, 1.0)?;
-        }
-        Ok(())
-    }
-
     /// The level of the picture's pyramid at which the flow may end: for the camera alone an eighth of the sides does, in
     /// a fraction of the time.
     pub fn finest(&self) -> usize {

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 use crate::reference::ReferenceLikelihood;
 use crate::saved_state::{SavedState, Valid, Validate, ensure};
 use foveate_base::Result;
-use foveate_base::error::within;
 
 /// The verdict of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -29,24 +28,24 @@ pub struct Consistency {
     pub is_informative: bool,
 }
 
-/// How evidence and tempered weights are compared with the reference over time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ConsistencySettings {
-    /// Weight of the newest frame in the smoothed deficit, 0 to 1.
-    pub memory: f64,
-    /// Smoothed deficit above which a frame is not learned.
-    pub threshold: f64,
-    /// The same threshold during a search; the smaller one applies.
-    pub while_lost: f64,
-    /// Exponent that softens the weights.
-    pub temperature: f64,
-    /// Effective sample size of the softened weights, as a share of N, above which nothing fits.
-    pub flat: f64,
-    /// Frames after the start whose mean evidence corrects the reference likelihood of frame 1, 0 to 1000.
-    pub settle: usize,
-    /// Interval of learning after the first `settle` frames, 1 to 1000.
-    pub every: u64,
+settings! {
+    /// How evidence and tempered weights are compared with the reference over time.
+    pub struct ConsistencySettings in "consistency" {
+        /// Weight of the newest frame in the smoothed deficit, 0 to 1.
+        pub memory: f64 = 0.3; 0.0 to 1.0,
+        /// Smoothed deficit above which a frame is not learned.
+        pub threshold: f64 = 0.6; 0.0 to 100.0,
+        /// The same threshold during a search; the smaller one applies.
+        pub while_lost: f64 = 100.0; 0.0 to 100.0,
+        /// Exponent that softens the weights.
+        pub temperature: f64 = 0.25; 0.0 to 1.0,
+        /// Effective sample size of the softened weights, as a share of N, above which nothing fits.
+        pub flat: f64 = 0.9; 0.0 to 1.0,
+        /// Frames after the start whose mean evidence corrects the reference likelihood of frame 1, 0 to 1000.
+        pub settle: usize = 10; 0.0 to 1000.0,
+        /// Interval of learning after the first `settle` frames, 1 to 1000.
+        pub every: u64 = 1; 1.0 to 1000.0,
+    }
 }
 
 /// Watches evidence and tempered weights over time.
@@ -70,29 +69,6 @@ pub(crate) struct ConsistencyState {
 
 /// Largest share of the way from on to off that settling may go, so that on and off stay separated.
 const MOST_SHORTFALL: f64 = 0.7;
-
-impl Default for ConsistencySettings {
-    fn default() -> Self {
-        Self { memory: 0.3, threshold: 0.6, while_lost: 100.0, temperature: 0.25, flat: 0.9, settle: 10, every: 1 }
-    }
-}
-
-impl ConsistencySettings {
-    /// Fails with the key if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        for (name, value, most) in [
-            ("memory", self.memory, 1.0),
-            ("threshold", self.threshold, 100.0),
-            ("while_lost", self.while_lost, 100.0),
-            ("temperature", self.temperature, 1.0),
-            ("flat", self.flat, 1.0),
-            ("settle", self.settle as f64, 1000.0),
-        ] {
-            within(&format!("consistency.{name}"), value, 0.0, most)?;
-        }
-        within("consistency.every", self.every as f64, 1.0, 1000.0)
-    }
-}
 
 impl ConsistencyMonitor {
     /// A monitor that has seen nothing yet.

@@ -10,42 +10,23 @@
 //!
 //! Deviation: the paper has no such term; detections enter its proposal alone, and the weights undo them.
 
-use serde::{Deserialize, Serialize};
-
 use crate::geometry::{Extent, State};
 use crate::scene::Detection;
-use foveate_base::Result;
-use foveate_base::error::within;
 
-/// The error model of detections.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DetectionLikelihood {
-    /// Standard deviation of a detection's centre, in half sides of its box, 0.01 to 10.
-    pub place: f64,
-    /// Standard deviation of its log size; large for unreliable sizes, 0.01 to 100.
-    pub size: f64,
-    /// Lower bound of the likelihood far from all detections, relative to the peak, 1e-9 to 1.
-    pub outlier: f64,
-}
-
-impl Default for DetectionLikelihood {
-    fn default() -> Self {
-        Self { place: 0.2, size: 0.1, outlier: 0.02 }
+settings! {
+    /// The error model of detections.
+    #[derive(Copy)]
+    pub struct DetectionLikelihood in "detection_likelihood" {
+        /// Standard deviation of a detection's centre, in half sides of its box, 0.01 to 10.
+        pub place: f64 = 0.2; 0.01 to 10.0,
+        /// Standard deviation of its log size; large for unreliable sizes, 0.01 to 100.
+        pub size: f64 = 0.1; 0.01 to 100.0,
+        /// Lower bound of the likelihood far from all detections, relative to the peak, 1e-9 to 1.
+        pub outlier: f64 = 0.02; 1e-9 to 1.0,
     }
 }
 
 impl DetectionLikelihood {
-    /// Fails with the key if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        for (name, value, least, most) in
-            [("place", self.place, 0.01, 10.0), ("size", self.size, 0.01, 100.0), ("outlier", self.outlier, 1e-9, 1.0)]
-        {
-            within(&format!("detection_likelihood.{name}"), value, least, most)?;
-        }
-        Ok(())
-    }
-
     /// log p(d | x) less that of a state in the middle of the only detection, from log(outlier) to 0; 0 without detections.
     pub fn log_likelihood(&self, detections: &[Detection], state: &State, extent: Extent) -> f64 {
         let log_size = (2.0 * extent.mean()).ln() + state.log_scale;

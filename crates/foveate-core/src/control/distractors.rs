@@ -4,30 +4,20 @@
 //! Distractors among the particles are present mistakes of the tracker, those around the target
 //! ([`DistractorSearch`]) possible future ones.
 
-use serde::{Deserialize, Serialize};
-
 use crate::geometry::{Extent, Size, State};
-use foveate_base::Result;
-use foveate_base::error::within;
 
-/// Places around the target, to find distractors among; lengths in template units (1 = half the target's box).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DistractorSettings {
-    /// Largest distance from the target, 1 to 50.
-    pub reach: f64,
-    /// Distance of neighbouring places, 0.1 to 10.
-    pub step: f64,
-    /// Number of confident frames whose distractors are remembered; an estimate that resembles one raises P(lost),
-    /// 0 to 1000.
-    pub remembered: usize,
-    /// Whether the discriminant keeps the distractors of frame 1 as hard negatives.
-    pub first_frame: bool,
-}
-
-impl Default for DistractorSettings {
-    fn default() -> Self {
-        Self { reach: 6.0, step: 0.8, remembered: 0, first_frame: false }
+settings! {
+    /// Places around the target, to find distractors among; lengths in template units (1 = half the target's box).
+    pub struct DistractorSettings in "distractors" {
+        /// Largest distance from the target, 1 to 50.
+        pub reach: f64 = 6.0; 1.0 to 50.0,
+        /// Distance of neighbouring places, 0.1 to 10.
+        pub step: f64 = 0.8; 0.1 to 10.0,
+        /// Number of confident frames whose distractors are remembered; an estimate that resembles one raises P(lost),
+        /// 0 to 1000.
+        pub remembered: usize = 0; 0.0 to 1000.0,
+        /// Whether the discriminant keeps the distractors of frame 1 as hard negatives.
+        pub first_frame: bool = false,
     }
 }
 
@@ -39,12 +29,6 @@ impl DistractorSettings {
     /// Places on each side of the target, across and down.
     fn steps(&self) -> i32 {
         (self.reach / self.step) as i32
-    }
-    /// Fails with the key if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        within("distractors.reach", self.reach, 1.0, 50.0)?;
-        within("distractors.step", self.step, 0.1, 10.0)?;
-        within("distractors.remembered", self.remembered as f64, 0.0, 1000.0)
     }
 }
 
@@ -167,13 +151,6 @@ mod tests {
         assert!(places.iter().all(near), "within a box of one of them");
         let outside = State { x: -50.0, ..at };
         assert!(around.places(Size::new(100, 60), &outside, EXTENT).is_empty(), "nothing there to be mistaken for");
-        assert!(
-            DistractorSettings { step: 0.0, ..DistractorSettings::default() }
-                .check()
-                .expect_err("no step")
-                .to_string()
-                .contains("step")
-        );
     }
 
     #[test]

@@ -2,13 +2,10 @@
 
 use super::leap::{Leap, Pace};
 use crate::geometry::State;
-use foveate_base::error::within;
 use foveate_base::rng::Rng;
-use foveate_base::{Error, Result};
 use foveate_kernels::Normals;
 use rand::RngExt;
 use rand_distr::StandardNormal;
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 // Deviation: the paper writes p(xₜ | xₜ₋₁, aₜ₋₁), but nothing in it lets the action move the target.
@@ -45,87 +42,52 @@ pub trait Dynamics: Send + Sync {
     }
 }
 
-/// Linear, Gaussian, first-order: with n standard normal, each one its own,
-/// ```text
-/// v'          = damping · v + velocity · n          (both axes)
-/// x'          = x + v' + position · n               (both axes)
-/// log_scale'  = scale_pull · log_scale + scale · n
-/// angle'      = angle_pull · angle + turn · n
-/// log_aspect' = aspect_pull · log_aspect + aspect · n
-/// ```
-/// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
-/// Deviation: a share `tail_probability` of the states has the noises of position, scale, angle and aspect `tail_scale` times as large: a
-/// mixture of two normals, of heavy tails.
-///
-/// A standard deviation of 0 makes its component follow from the others. The density is then one over the
-/// remaining components, and −∞ (a probability of none) where the component does not follow.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Autoregressive {
-    /// Share of the velocity kept from frame to frame: 1 is constant velocity, 0 a random walk.
-    pub damping: f64,
-    /// Standard deviation of the velocity noise, template units a frame.
-    pub velocity: f64,
-    /// Standard deviation of the position noise, template units.
-    pub position: f64,
-    /// Share of the log scale kept: 1 is a random walk, below 1 it returns to the first size.
-    pub scale_pull: f64,
-    /// Standard deviation of the log scale noise.
-    pub log_scale: f64,
-    /// Share of the angle kept: 1 is a random walk, below 1 it returns upright.
-    pub angle_pull: f64,
-    /// Standard deviation of the angle noise, radians.
-    pub angle: f64,
-    /// Share of the log aspect kept: 1 is a random walk, below 1 it returns to the first shape.
-    pub aspect_pull: f64,
-    /// Standard deviation of the log aspect noise.
-    pub aspect: f64,
-    /// Share of the particles with heavy-tailed noise, for hand-held cameras, 0 to 1.
-    pub tail_probability: f64,
-    /// Factor of the heavy-tailed noise of position, scale, angle and aspect, 1 to 100.
-    pub tail_scale: f64,
-}
-
-impl Default for Autoregressive {
-    /// The prototype's working recipe, in template units (it had 0.7 and 0.5 px for a target of 28 px): nearly constant
-    /// velocity, hardly any change of size, no turn.
-    fn default() -> Self {
-        Self {
-            damping: 0.95,
-            velocity: 0.05,
-            position: 0.035,
-            scale_pull: 0.9,
-            log_scale: 0.01,
-            angle_pull: 0.9,
-            angle: 0.0,
-            aspect_pull: 1.0,
-            aspect: 0.0,
-            tail_probability: 0.0,
-            tail_scale: 5.0,
-        }
+settings! {
+    /// Linear, Gaussian, first-order: with n standard normal, each one its own,
+    /// ```text
+    /// v'          = damping · v + velocity · n          (both axes)
+    /// x'          = x + v' + position · n               (both axes)
+    /// log_scale'  = scale_pull · log_scale + scale · n
+    /// angle'      = angle_pull · angle + turn · n
+    /// log_aspect' = aspect_pull · log_aspect + aspect · n
+    /// ```
+    /// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
+    /// Deviation: a share `tail_probability` of the states has the noises of position, scale, angle and aspect `tail_scale` times as large: a
+    /// mixture of two normals, of heavy tails.
+    ///
+    /// A standard deviation of 0 makes its component follow from the others. The density is then one over the
+    /// remaining components, and −∞ (a probability of none) where the component does not follow.
+    ///
+    /// By default the prototype's working recipe, in template units (it had 0.7 and 0.5 px for a target of 28 px): nearly constant velocity, hardly
+    /// any change of size, no turn.
+    #[derive(Copy)]
+    pub struct Autoregressive in "dynamics" {
+        /// Share of the velocity kept from frame to frame: 1 is constant velocity, 0 a random walk.
+        pub damping: f64 = 0.95; 0.0 to 1.0,
+        /// Standard deviation of the velocity noise, template units a frame.
+        pub velocity: f64 = 0.05; 0.0 to 100.0,
+        /// Standard deviation of the position noise, template units.
+        pub position: f64 = 0.035; 0.0 to 100.0,
+        /// Share of the log scale kept: 1 is a random walk, below 1 it returns to the first size.
+        pub scale_pull: f64 = 0.9; 0.0 to 1.0,
+        /// Standard deviation of the log scale noise.
+        pub log_scale: f64 = 0.01; 0.0 to 5.0,
+        /// Share of the angle kept: 1 is a random walk, below 1 it returns upright.
+        pub angle_pull: f64 = 0.9; 0.0 to 1.0,
+        /// Standard deviation of the angle noise, radians.
+        pub angle: f64 = 0.0; 0.0 to 100.0,
+        /// Share of the log aspect kept: 1 is a random walk, below 1 it returns to the first shape.
+        pub aspect_pull: f64 = 1.0; 0.0 to 1.0,
+        /// Standard deviation of the log aspect noise.
+        pub aspect: f64 = 0.0; 0.0 to 5.0,
+        /// Share of the particles with heavy-tailed noise, for hand-held cameras, 0 to 1.
+        pub tail_probability: f64 = 0.0; 0.0 to 1.0,
+        /// Factor of the heavy-tailed noise of position, scale, angle and aspect, 1 to 100.
+        pub tail_scale: f64 = 5.0; 1.0 to 100.0,
     }
 }
 
 impl Autoregressive {
-    /// Fails with the field if a standard deviation is negative or a number is not finite.
-    pub fn check(&self) -> Result<()> {
-        let sds = [self.velocity, self.position, self.log_scale, self.angle, self.aspect];
-        for (name, sd) in ["velocity", "position", "log_scale", "angle", "aspect"].into_iter().zip(sds) {
-            if !(sd >= 0.0 && sd.is_finite()) {
-                return Err(Error::Config(format!("dynamics.{name} is a standard deviation, 0 or more; it is {sd}")));
-            }
-        }
-        for (name, share) in [
-            ("damping", self.damping),
-            ("scale_pull", self.scale_pull),
-            ("angle_pull", self.angle_pull),
-            ("aspect_pull", self.aspect_pull),
-            ("tail_probability", self.tail_probability),
-        ] {
-            within(&format!("dynamics.{name}"), share, 0.0, 1.0)?;
-        }
-        within("dynamics.tail_scale", self.tail_scale, 1.0, 100.0)
-    }
     /// The same motion for a target `factor` times as large: the noises in pixels grow with it.
     pub fn scaled(self, factor: f64) -> Self {
         Self { velocity: self.velocity * factor, position: self.position * factor, ..self }

@@ -8,43 +8,23 @@
 //!
 //! Deviation: the paper's proposal is blind to the picture but for a detector's boxes (section 5.1).
 
-use serde::{Deserialize, Serialize};
-
 use super::candidates::{Candidates, Draw};
 use crate::geometry::{Extent, State};
-use foveate_base::Result;
-use foveate_base::error::within;
 
-/// Settings of the search for a target that has leapt.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LocalSearchSettings {
-    /// Least fit of a place: 0 is the reference log-likelihood of frame 1 on the target, 1 that off it, 0 to 2.
-    pub fit: f64,
-    /// Prior probability of a leap to anywhere in the neighbourhood, above 0 to 1.
-    pub chance: f64,
-    /// Share of the particles that restart, above 0 to 1.
-    pub share: f64,
-    /// Number of places they restart from, 1 to 6.
-    pub places: usize,
-    /// Standard deviation about a place, above 0 to 10.
-    pub spread: f64,
-}
-
-impl Default for LocalSearchSettings {
-    fn default() -> Self {
-        Self { fit: 0.5, chance: 0.02, share: 0.2, places: 3, spread: 0.15 }
-    }
-}
-
-impl LocalSearchSettings {
-    /// Fails with the key if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        within("local_search.fit", self.fit, 0.0, 2.0)?;
-        within("local_search.chance", self.chance, 1e-9, 1.0)?;
-        within("local_search.share", self.share, 1e-3, 1.0)?;
-        within("local_search.spread", self.spread, 1e-3, 10.0)?;
-        within("local_search.places", self.places as f64, 1.0, 6.0)
+settings! {
+    /// Settings of the search for a target that has leapt.
+    #[derive(Copy)]
+    pub struct LocalSearchSettings in "local_search" {
+        /// Least fit of a place: 0 is the reference log-likelihood of frame 1 on the target, 1 that off it, 0 to 2.
+        pub fit: f64 = 0.5; 0.0 to 2.0,
+        /// Prior probability of a leap to anywhere in the neighbourhood, above 0 to 1.
+        pub chance: f64 = 0.02; 1e-9 to 1.0,
+        /// Share of the particles that restart, above 0 to 1.
+        pub share: f64 = 0.2; 1e-3 to 1.0,
+        /// Number of places they restart from, 1 to 6.
+        pub places: usize = 3; 1.0 to 6.0,
+        /// Standard deviation about a place, above 0 to 10.
+        pub spread: f64 = 0.15; 1e-3 to 10.0,
     }
 }
 

@@ -36,22 +36,23 @@ use foveate_base::Result;
 use foveate_base::error::within;
 use foveate_base::rng::{Rng, Streams};
 
-/// How detections are mixed with the prior. Lengths are template units at the parent's size: 1 is half the box.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Mixing {
-    /// α, the share of particles that start at a detection, 0 to 0.99.
-    pub alpha: f64,
-    /// Standard deviation of their positions about the detection's centre, 0.01 to 10.
-    pub spread: f64,
-    /// Standard deviation of their log scale about that of the detection, 0.001 to 5. By default the detection's size is ignored.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub size: Option<f64>,
-    /// Largest distance of a detection from a particle's predicted position, 0 to 1000.
-    pub gate: f64,
-    /// How a detection changes the prediction of a particle.
-    #[serde(skip_serializing_if = "Update::is_replace")]
-    pub update: Update,
+settings! {
+    /// How detections are mixed with the prior. Lengths are template units at the parent's size: 1 is half the box.
+    #[derive(Copy)]
+    pub struct Mixing in "proposal" and rules {
+        /// α, the share of particles that start at a detection, 0 to 0.99.
+        pub alpha: f64 = 0.25; 0.0 to 0.99,
+        /// Standard deviation of their positions about the detection's centre, 0.01 to 10.
+        pub spread: f64 = 0.3; 0.01 to 10.0,
+        /// Standard deviation of their log scale about that of the detection, 0.001 to 5. By default the detection's size is ignored.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub size: Option<f64> = None,
+        /// Largest distance of a detection from a particle's predicted position, 0 to 1000.
+        pub gate: f64 = 4.0; 0.0 to 1000.0,
+        /// How a detection changes the prediction of a particle.
+        #[serde(skip_serializing_if = "Update::is_replace")]
+        pub update: Update = Update::Replace,
+    }
 }
 
 /// How a detection changes the prediction of a particle.
@@ -71,24 +72,9 @@ impl Update {
     }
 }
 
-impl Default for Mixing {
-    fn default() -> Self {
-        Self { alpha: 0.25, spread: 0.3, size: None, gate: 4.0, update: Update::Replace }
-    }
-}
-
 impl Mixing {
-    /// Fails with the key if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        for (name, value, least, most) in [
-            ("alpha", self.alpha, 0.0, 0.99),
-            ("spread", self.spread, 0.01, 10.0),
-            ("size", self.size.unwrap_or(1.0), 0.001, 5.0),
-            ("gate", self.gate, 0.0, 1000.0),
-        ] {
-            within(&format!("proposal.{name}"), value, least, most)?;
-        }
-        Ok(())
+    fn rules(&self) -> Result<()> {
+        within("proposal.size", self.size.unwrap_or(1.0), 0.001, 5.0)
     }
 }
 

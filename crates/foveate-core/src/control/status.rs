@@ -6,7 +6,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
 /// Status of the track.
@@ -46,26 +45,20 @@ impl Status {
     }
 }
 
-/// Thresholds of P(lost) at which the reported status changes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct StatusThresholds {
-    /// Reported P(lost) from which on the status is occluded, or lost after reacquired, 0 to 1.
-    pub enter: f64,
-    /// Reported P(lost) below which the status is tracking, or reacquired after lost, 0 to `enter`.
-    pub leave: f64,
-}
-
-impl Default for StatusThresholds {
-    fn default() -> Self {
-        Self { enter: 0.5, leave: 0.3 }
+settings! {
+    /// Thresholds of P(lost) at which the reported status changes.
+    #[derive(Copy)]
+    pub struct StatusThresholds in "confidence.status" and rules {
+        /// Reported P(lost) from which on the status is occluded, or lost after reacquired, 0 to 1.
+        pub enter: f64 = 0.5; 0.0 to 1.0,
+        /// Reported P(lost) below which the status is tracking, or reacquired after lost, 0 to `enter`.
+        pub leave: f64 = 0.3,
     }
 }
 
 impl StatusThresholds {
-    /// Fails with the key if a number is out of range.
-    pub(super) fn check(&self) -> Result<()> {
-        within("confidence.status.enter", self.enter, 0.0, 1.0)?;
+    /// Checks what `leave` may be.
+    fn rules(&self) -> Result<()> {
         match self.leave {
             leave if (0.0..=self.enter).contains(&leave) => Ok(()),
             leave => {

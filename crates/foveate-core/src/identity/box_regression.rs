@@ -34,7 +34,6 @@ use super::numbers;
 use crate::geometry::{Extent, State};
 use crate::saved_state::{Valid, Validate, ensure};
 use crate::scene::{Image, Meter};
-use foveate_base::error::within;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
@@ -49,34 +48,21 @@ const FARTHEST: f64 = 0.5;
 const MOST: f32 = 1e4;
 const MOST_FRAMES: u64 = 1 << 48;
 
-/// Settings of the box regression.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// A file of `bench/train_box_regression.py`, or `builtin:natural-boxes`.
-    pub weights: String,
-    /// Frames between two evaluations, 1 to 100.
-    pub every: usize,
-    /// Weight of the newest correction in the running mean, above 0 to 1.
-    pub rate: f64,
-    /// Share of the correction of size and width / height that the particles take at an evaluation, 0 to 1.
-    pub follow: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { weights: "builtin:natural-boxes".into(), every: 3, rate: 0.7, follow: 0.0 }
+settings! {
+    /// Settings of the box regression.
+    pub struct Settings in "box_regression" {
+        /// A file of `bench/train_box_regression.py`, or `builtin:natural-boxes`.
+        pub weights: String = "builtin:natural-boxes".into(),
+        /// Frames between two evaluations, 1 to 100.
+        pub every: usize = 3; 1.0 to 100.0,
+        /// Weight of the newest correction in the running mean, above 0 to 1.
+        pub rate: f64 = 0.7; 1e-3 to 1.0,
+        /// Share of the correction of size and width / height that the particles take at an evaluation, 0 to 1.
+        pub follow: f64 = 0.0; 0.0 to 1.0,
     }
 }
 
 impl Settings {
-    /// Fails if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        within("box_regression.every", self.every as f64, 1.0, 100.0)?;
-        within("box_regression.rate", self.rate, 1e-3, 1.0)?;
-        within("box_regression.follow", self.follow, 0.0, 1.0)
-    }
-
     /// The network.
     ///
     /// # Errors

@@ -7,7 +7,6 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use foveate_base::Result;
-use foveate_base::error::within;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::Rows;
 use foveate_learn::rbm::online::{self, Particle};
@@ -20,36 +19,20 @@ use super::numbers::floats;
 use super::rbm_encoder::RbmEncoder;
 use crate::saved_state::SavedState;
 
-/// Settings of training while tracking. It needs an RBM as the first layer.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// Number of RBMs, 1 to 64: 1 follows the stochastic gradient, several are particles of a filter over the parameters.
-    pub particles: usize,
-    /// Step along the mean gradient of a frame's looks, 0 to 1.
-    pub learning_rate: f32,
-    /// Standard deviation of the noise on the hidden biases in a frame, for several particles, 0 to 1.
-    pub noise: f32,
-    /// Largest distance of looks at the target from the estimate, template units, 0 to 1.
-    pub reach: f64,
-    /// Evidence deficit above which a frame is not learned, 0 to 2.
-    pub gate: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { particles: 1, learning_rate: 0.001, noise: 0.01, reach: 0.1, gate: 0.5 }
-    }
-}
-
-impl Settings {
-    /// Fails with the key if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        within("online_training.particles", self.particles as f64, 1.0, 64.0)?;
-        within("online_training.learning_rate", f64::from(self.learning_rate), 0.0, 1.0)?;
-        within("online_training.noise", f64::from(self.noise), 0.0, 1.0)?;
-        within("online_training.reach", self.reach, 0.0, 1.0)?;
-        within("online_training.gate", self.gate, 0.0, 2.0)
+settings! {
+    /// Settings of training while tracking. It needs an RBM as the first layer.
+    #[derive(Copy)]
+    pub struct Settings in "online_training" {
+        /// Number of RBMs, 1 to 64: 1 follows the stochastic gradient, several are particles of a filter over the parameters.
+        pub particles: usize = 1; 1.0 to 64.0,
+        /// Step along the mean gradient of a frame's looks, 0 to 1.
+        pub learning_rate: f32 = 0.001; 0.0 to 1.0,
+        /// Standard deviation of the noise on the hidden biases in a frame, for several particles, 0 to 1.
+        pub noise: f32 = 0.01; 0.0 to 1.0,
+        /// Largest distance of looks at the target from the estimate, template units, 0 to 1.
+        pub reach: f64 = 0.1; 0.0 to 1.0,
+        /// Evidence deficit above which a frame is not learned, 0 to 2.
+        pub gate: f64 = 0.5; 0.0 to 2.0,
     }
 }
 

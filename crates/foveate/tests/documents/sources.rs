@@ -40,7 +40,7 @@ pub(crate) struct Variant {
 pub(crate) fn items(folders: &[&Path]) -> Vec<Item> {
     let mut found = vec![];
     for path in folders.iter().flat_map(|folder| super::files(folder, "rs")) {
-        let text = std::fs::read_to_string(&path).expect("a source is text");
+        let text = plain(&std::fs::read_to_string(&path).expect("a source is text"));
         let before = text.split("#[cfg(test)]\nmod tests {").next().expect("one part");
         let lines: Vec<&str> = before.lines().collect();
         let derives = |l: &&str| l.starts_with("#[derive(") && l.contains("Deserialize");
@@ -49,6 +49,28 @@ pub(crate) fn items(folders: &[&Path]) -> Vec<Item> {
         }
     }
     found
+}
+
+/// The text with the structs of `settings!` as plain ones.
+fn plain(text: &str) -> String {
+    let (mut out, mut inside) = (String::new(), false);
+    for line in text.lines() {
+        match line {
+            "settings! {" => inside = true,
+            "}" if inside => inside = false,
+            _ if inside => {
+                let line = line.strip_prefix("    ").unwrap_or(line);
+                if line.starts_with("pub struct") {
+                    out += "#[derive(Deserialize)]\n#[serde(default)]\n";
+                }
+                let field = line.starts_with("    pub ").then(|| line.split_once(" = ")).flatten();
+                out += &field.map_or_else(|| line.to_owned(), |(field, _)| format!("{field},"));
+                out.push('\n');
+            }
+            _ => out += &format!("{line}\n"),
+        }
+    }
+    out
 }
 
 /// The item that a path in a source of `from` names.

@@ -5,8 +5,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Covariance;
-use foveate_base::Result;
-use foveate_base::error::within;
 
 /// The inputs of the error of the reported place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -24,50 +22,30 @@ pub struct PlaceEvidence {
     pub moved: [f64; 2],
 }
 
-/// How the covariance of the reported place follows from [`PlaceEvidence`]: g (`belief` · Σ + `borders` · diag(e²) + `pixels`² I) +
-/// (`lone` · unit)² / ESS³ I + `speed`² m mᵀ, with the belief's covariance Σ, the expected errors e of the box regression and the
-/// displacement m since the last frame: how far the target moved while the picture was exposed, and so its blur, is unknown.
-/// g is 1, or with `sharp` above 0: r⁴ / (r⁴ + `sharp`⁴) for the root mean square r of e in half boxes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Localisation {
-    /// Share of the belief's covariance of place, 0 to 100.
-    pub belief: f64,
-    /// Share of the squares of the box regression's expected errors of place, 0 to 100.
-    pub borders: f64,
-    /// Standard deviation of a true box in whole pixels, px, 0 to 100.
-    pub pixels: f64,
-    /// Standard deviation at an effective sample size of 1, template units, 0 to 10.
-    pub lone: f64,
-    /// Expected error of the box regression, half boxes, 0 to 1, below which, for sharp borders, all terms but `lone` and `speed` are reduced; 0
-    /// is off.
-    pub sharp: f64,
-    /// Standard deviation along the motion, share of the displacement since the last frame, 0 to 1.
-    pub speed: f64,
-}
-
-impl Default for Localisation {
-    /// The belief's covariance plus the squares of the expected errors.
-    fn default() -> Self {
-        Self { belief: 1.0, borders: 1.0, pixels: 0.0, lone: 0.0, sharp: 0.0, speed: 0.0 }
+settings! {
+    /// How the covariance of the reported place follows from [`PlaceEvidence`]: g (`belief` · Σ + `borders` · diag(e²) + `pixels`² I) +
+    /// (`lone` · unit)² / ESS³ I + `speed`² m mᵀ, with the belief's covariance Σ, the expected errors e of the box regression and the
+    /// displacement m since the last frame: how far the target moved while the picture was exposed, and so its blur, is unknown.
+    /// g is 1, or with `sharp` above 0: r⁴ / (r⁴ + `sharp`⁴) for the root mean square r of e in half boxes.
+    #[derive(Copy)]
+    pub struct Localisation in "confidence.localisation" {
+        /// Share of the belief's covariance of place, 0 to 100.
+        pub belief: f64 = 1.0; 0.0 to 100.0,
+        /// Share of the squares of the box regression's expected errors of place, 0 to 100.
+        pub borders: f64 = 1.0; 0.0 to 100.0,
+        /// Standard deviation of a true box in whole pixels, px, 0 to 100.
+        pub pixels: f64 = 0.0; 0.0 to 100.0,
+        /// Standard deviation at an effective sample size of 1, template units, 0 to 10.
+        pub lone: f64 = 0.0; 0.0 to 10.0,
+        /// Expected error of the box regression, half boxes, 0 to 1, below which, for sharp borders, all terms but `lone` and `speed` are reduced; 0
+        /// is off.
+        pub sharp: f64 = 0.0; 0.0 to 1.0,
+        /// Standard deviation along the motion, share of the displacement since the last frame, 0 to 1.
+        pub speed: f64 = 0.0; 0.0 to 1.0,
     }
 }
 
 impl Localisation {
-    pub(super) fn check(&self) -> Result<()> {
-        for (name, value, most) in [
-            ("belief", self.belief, 100.0),
-            ("borders", self.borders, 100.0),
-            ("pixels", self.pixels, 100.0),
-            ("lone", self.lone, 10.0),
-            ("sharp", self.sharp, 1.0),
-            ("speed", self.speed, 1.0),
-        ] {
-            within(&format!("confidence.localisation.{name}"), value, 0.0, most)?;
-        }
-        Ok(())
-    }
-
     /// Returns the share of the belief's covariance that counts, and the covariance to add over x and y, px²: xx, xy, yy. `noise` is the
     /// standard deviation that every place has, template units.
     fn parts(&self, noise: f64, evidence: &PlaceEvidence) -> (f64, [f64; 3]) {

@@ -1,6 +1,6 @@
 //! The table of P(lost): its cues, their weights, and the rules of the search and of the status.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::Localisation;
 use crate::control::StatusThresholds;
@@ -54,100 +54,89 @@ pub type Cues = [f64; CUES];
 /// The most that log odds by the box regression count, either way.
 pub(super) const MOST_ODDS: f64 = 6.0;
 
-/// The model, and the rules of the search and of the status.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ConfidenceModel {
-    /// Weights wₖ of the cues; missing ones are 0.
-    #[serde(deserialize_with = "padded")]
-    pub weights: [f64; OWN],
-    /// Bias b.
-    pub bias: f64,
-    /// Weights of the second opinion in the reported P(lost); none without one.
-    pub second_opinion: SecondTrackerWeights,
-    /// Weights of the box regression in the decision to end a search; none without one.
-    pub box_regression: ReacquisitionWeights,
-    /// Weights of the box regression in the P(lost) of a tracked target; none without one.
-    pub absence: AbsenceWeights,
-    /// Weights of the colours and the box regression in the first frames.
-    pub early: EarlyWeights,
-    /// Own P(lost), without the second tracker, above which a frame counts towards a search, 0 to 1.
-    pub enter: f64,
-    /// Own P(lost) below which a frame counts towards the end of a search, 0 to `enter`.
-    pub leave: f64,
-    /// Consecutive frames above `enter` that start a search, 1 to 1000.
-    pub notice: usize,
-    /// Consecutive frames below `leave` that end a search, 1 to 1000.
-    pub confirm: usize,
-    /// Largest count of one such frame: its logit relative to that of `leave`, 1 to 10.
-    pub surest: f64,
-    /// Thresholds of the reported P(lost) at which the reported status changes. They change no box.
-    pub status: StatusThresholds,
-    /// Frames until occluded becomes lost and reacquired becomes tracking.
-    pub patience: usize,
-    /// Additional standard deviation of the place, template units, for an inexact first box and a changing target, 0 to
-    /// 10.
-    pub localisation_noise: f64,
-    /// How the covariance of the place follows from that of the particles and from the box regression. It changes no box.
-    pub localisation: Localisation,
-}
+settings! {
+    /// The model, and the rules of the search and of the status.
+    pub struct ConfidenceModel in "confidence" and rules {
+        /// Weights wₖ of the cues; missing ones are 0.
+        #[serde(deserialize_with = "padded")]
+        pub weights: [f64; OWN] = [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
+        /// Bias b.
+        pub bias: f64 = -4.0; -1e3 to 1e3,
+        /// Weights of the second opinion in the reported P(lost); none without one.
+        pub second_opinion: SecondTrackerWeights = Default::default(),
+        /// Weights of the box regression in the decision to end a search; none without one.
+        pub box_regression: ReacquisitionWeights = Default::default(),
+        /// Weights of the box regression in the P(lost) of a tracked target; none without one.
+        pub absence: AbsenceWeights = Default::default(),
+        /// Weights of the colours and the box regression in the first frames.
+        pub early: EarlyWeights = Default::default(),
+        /// Own P(lost), without the second tracker, above which a frame counts towards a search, 0 to 1.
+        pub enter: f64 = 0.5; 0.0 to 1.0,
+        /// Own P(lost) below which a frame counts towards the end of a search, 0 to `enter`.
+        pub leave: f64 = 0.3,
+        /// Consecutive frames above `enter` that start a search, 1 to 1000.
+        pub notice: usize = 2; 1.0 to 1000.0,
+        /// Consecutive frames below `leave` that end a search, 1 to 1000.
+        pub confirm: usize = 3; 1.0 to 1000.0,
+        /// Largest count of one such frame: its logit relative to that of `leave`, 1 to 10.
+        pub surest: f64 = 1.0; 1.0 to 10.0,
+        /// Thresholds of the reported P(lost) at which the reported status changes. They change no box.
+        pub status: StatusThresholds = Default::default(),
+        /// Frames until occluded becomes lost and reacquired becomes tracking.
+        pub patience: usize = 15; 0.0 to 1e5,
+        /// Additional standard deviation of the place, template units, for an inexact first box and a changing target, 0 to
+        /// 10.
+        pub localisation_noise: f64 = 0.0; 0.0 to 10.0,
+        /// How the covariance of the place follows from that of the particles and from the box regression. It changes no box.
+        pub localisation: Localisation = Default::default(),
+    }
 
-/// The effect of a second tracker on the reported P(lost): logit P = `own` · logit P° + `agreement` · cue + `bias`,
-/// with P° by the tracker's own cues.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SecondTrackerWeights {
-    /// Weight of the logit by the own cues.
-    pub own: f64,
-    /// Weight of the agreement of both boxes, negative.
-    pub agreement: f64,
-    /// Bias.
-    pub bias: f64,
-}
+    /// The effect of a second tracker on the reported P(lost): logit P = `own` · logit P° + `agreement` · cue + `bias`,
+    /// with P° by the tracker's own cues.
+    #[derive(Copy)]
+    pub struct SecondTrackerWeights in "confidence.second_opinion" {
+        /// Weight of the logit by the own cues.
+        pub own: f64 = 1.0; -1e3 to 1e3,
+        /// Weight of the agreement of both boxes, negative.
+        pub agreement: f64 = 0.0; -1e3 to 1e3,
+        /// Bias.
+        pub bias: f64 = 0.0; -1e3 to 1e3,
+    }
 
-/// While the tracker searches for the target, `leave` is compared with another probability than P° by the own cues:
-/// log P / (1 − P) = log P° / (1 − P°) + `weight` · log odds by the box regression that the target is not there, −6 to 6, + `bias`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ReacquisitionWeights {
-    /// Weight of the network's logit of absence.
-    pub weight: f64,
-    /// Bias.
-    pub bias: f64,
-}
+    /// While the tracker searches for the target, `leave` is compared with another probability than P° by the own cues:
+    /// log P / (1 − P) = log P° / (1 − P°) + `weight` · log odds by the box regression that the target is not there, −6 to 6, + `bias`.
+    #[derive(Copy)]
+    pub struct ReacquisitionWeights in "confidence.box_regression" {
+        /// Weight of the network's logit of absence.
+        pub weight: f64 = 0.0; -1e3 to 1e3,
+        /// Bias.
+        pub bias: f64 = 0.0; -1e3 to 1e3,
+    }
 
-/// A lower bound on P(lost): logit `weight` · cue + `bias`, with the cue *absence*, a mean over many looks.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct AbsenceWeights {
-    /// Weight of the newest evaluation in the running mean, above 0 to 1.
-    pub rate: f64,
-    /// Weight of the mean logit; 0 is off.
-    pub weight: f64,
-    /// Bias.
-    pub bias: f64,
-}
+    /// A lower bound on P(lost): logit `weight` · cue + `bias`, with the cue *absence*, a mean over many looks.
+    #[derive(Copy)]
+    pub struct AbsenceWeights in "confidence.absence" {
+        /// Weight of the newest evaluation in the running mean, above 0 to 1.
+        pub rate: f64 = 0.25; 1e-3 to 1.0,
+        /// Weight of the mean logit; 0 is off.
+        pub weight: f64 = 0.0; 0.0 to 1e3,
+        /// Bias.
+        pub bias: f64 = 0.0; -1e3 to 1e3,
+    }
 
-/// A lower bound on the reported P(lost) while the reference is young: the logit is `bias` + `change` · max(0, *colour* − *margin*) +
-/// `absence` · *absence*. In the first frames nothing is usual yet, and two trackers that have lost the target may agree on the ground
-/// below it. If the colours have changed and other places fit as well as the estimate, the target has probably gone.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct EarlyWeights {
-    /// Number of frames with an own P(lost) below 5 % after which the bound ends; 0 is off.
-    pub frames: usize,
-    /// Weight of the excess of *colour* over *margin*.
-    pub change: f64,
-    /// Weight of the cue *absence*.
-    pub absence: f64,
-    /// Bias.
-    pub bias: f64,
-}
-
-impl Default for AbsenceWeights {
-    /// No effect.
-    fn default() -> Self {
-        Self { rate: 0.25, weight: 0.0, bias: 0.0 }
+    /// A lower bound on the reported P(lost) while the reference is young: the logit is `bias` + `change` · max(0, *colour* − *margin*) +
+    /// `absence` · *absence*. In the first frames nothing is usual yet, and two trackers that have lost the target may agree on the ground
+    /// below it. If the colours have changed and other places fit as well as the estimate, the target has probably gone.
+    #[derive(Copy)]
+    pub struct EarlyWeights in "confidence.early" {
+        /// Number of frames with an own P(lost) below 5 % after which the bound ends; 0 is off.
+        pub frames: usize = 0; 0.0 to 1000.0,
+        /// Weight of the excess of *colour* over *margin*.
+        pub change: f64 = 0.0; 0.0 to 1e3,
+        /// Weight of the cue *absence*.
+        pub absence: f64 = 0.0; 0.0 to 1e3,
+        /// Bias.
+        pub bias: f64 = 0.0; -1e3 to 1e3,
     }
 }
 
@@ -158,64 +147,14 @@ impl AbsenceWeights {
     }
 }
 
-impl Default for SecondTrackerWeights {
-    /// No effect.
-    fn default() -> Self {
-        Self { own: 1.0, agreement: 0.0, bias: 0.0 }
-    }
-}
-
-impl Default for ConfidenceModel {
-    fn default() -> Self {
-        Self {
-            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
-            bias: -4.0,
-            second_opinion: SecondTrackerWeights::default(),
-            box_regression: ReacquisitionWeights::default(),
-            absence: AbsenceWeights::default(),
-            early: EarlyWeights::default(),
-            enter: 0.5,
-            leave: 0.3,
-            notice: 2,
-            confirm: 3,
-            surest: 1.0,
-            status: StatusThresholds::default(),
-            patience: 15,
-            localisation_noise: 0.0,
-            localisation: Localisation::default(),
-        }
-    }
-}
-
 impl ConfidenceModel {
-    /// Fails with the key if a number is out of range.
-    pub fn check(&self) -> Result<()> {
-        for weight in &self.weights {
-            within("a number of confidence.weights", *weight, -1e3, 1e3)?;
-        }
-        for (name, value, least, most) in [
-            ("bias", self.bias, -1e3, 1e3),
-            ("second_opinion.own", self.second_opinion.own, -1e3, 1e3),
-            ("second_opinion.agreement", self.second_opinion.agreement, -1e3, 1e3),
-            ("second_opinion.bias", self.second_opinion.bias, -1e3, 1e3),
-            ("box_regression.weight", self.box_regression.weight, -1e3, 1e3),
-            ("box_regression.bias", self.box_regression.bias, -1e3, 1e3),
-            ("absence.rate", self.absence.rate, 1e-3, 1.0),
-            ("absence.weight", self.absence.weight, 0.0, 1e3),
-            ("absence.bias", self.absence.bias, -1e3, 1e3),
-            ("early.frames", self.early.frames as f64, 0.0, 1000.0),
-            ("early.change", self.early.change, 0.0, 1e3),
-            ("early.absence", self.early.absence, 0.0, 1e3),
-            ("early.bias", self.early.bias, -1e3, 1e3),
-            ("enter", self.enter, 0.0, 1.0),
-            ("notice", self.notice as f64, 1.0, 1000.0),
-            ("confirm", self.confirm as f64, 1.0, 1000.0),
-            ("surest", self.surest, 1.0, 10.0),
-            ("patience", self.patience as f64, 0.0, 1e5),
-            ("localisation_noise", self.localisation_noise, 0.0, 10.0),
-        ] {
-            within(&format!("confidence.{name}"), value, least, most)?;
-        }
+    /// Checks the weights, the parts, and what `leave` may be.
+    fn rules(&self) -> Result<()> {
+        self.weights.iter().try_for_each(|weight| within("a number of confidence.weights", *weight, -1e3, 1e3))?;
+        self.second_opinion.check()?;
+        self.box_regression.check()?;
+        self.absence.check()?;
+        self.early.check()?;
         self.status.check()?;
         self.localisation.check()?;
         match self.leave {
