@@ -1,7 +1,6 @@
-//! Rules without another test: detections weight particles, covered evidence counts less, and nothing is learned where the
-//! evidence does not fit.
+//! Rules without another test: detections weight particles, a corrected target is not lost, the first layer is trained.
 
-use crate::common::{INIT, frame, json};
+use crate::common::{INIT, frame};
 use foveate::config::Config;
 use foveate::control::Status;
 use foveate::geometry::BBox;
@@ -73,18 +72,6 @@ fn detections_that_nothing_uses_are_refused() {
     }
 }
 
-#[test]
-fn what_is_covered_counts_for_less() {
-    let image = target();
-    let belief = ["borders=0", "pixels=0", "lone=0", "sharp=0"].map(|of| format!("confidence.localisation.{of}"));
-    let spread = |visible: f64| {
-        let mut tracker = tracker(&belief.each_ref().map(String::as_str));
-        tracker.set_visibility(visible);
-        tracker.update(&image).expect("a picture of the first size").covariance[0][0]
-    };
-    assert!(spread(0.05) > 2.0 * spread(1.0), "{} and {}", spread(0.05), spread(1.0));
-}
-
 /// A user's correction of a lost target counts until frames contradict it; a target given again is fully visible.
 #[test]
 fn what_is_put_right_is_not_lost() {
@@ -104,51 +91,6 @@ fn what_is_put_right_is_not_lost() {
         tracker.update(&there).expect("a picture of the first size").covariance
     };
     assert_eq!(given(0.05), given(1.0));
-}
-
-/// Particles that are drawn again include the detection likelihood, as all others do.
-#[test]
-fn detections_weigh_particles_that_are_drawn_again() {
-    let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));
-    let settings = [
-        "detection_likelihood={ place = 0.1, outlier = 1e-9 }",
-        "likelihood={ distance = \"cosine\", sharpness = 15 }",
-    ];
-    let off = |detection: Option<f64>| {
-        let mut tracker = tracker(&settings);
-        (0..5).for_each(|_| _ = tracker.update(&there));
-        (0..20).for_each(|_| _ = tracker.update(&gone));
-        let at = |x: f64| Detection::new(BBox { x, ..INIT }, 1.0);
-        let found = detection.map(at);
-        let seen = tracker.update_with(&there, found.as_slice()).expect("a picture of the first size");
-        (seen.bbox.x - INIT.x, seen.status)
-    };
-    let (beside, status) = off(Some(INIT.x + 20.0));
-    assert!(!status.is_usable(), "it is searched for");
-    assert!(beside > 15.0, "{beside} px from where it looks best, {:?} without a detection", off(None));
-}
-
-#[test]
-fn nothing_is_learned_where_the_evidence_does_not_fit() {
-    let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));
-    let learned =
-        |tracker: &Tracker| json(&tracker.save())["ensemble"]["trackers"][0]["appearance"]["discriminant"].clone();
-    let mut tracker = tracker(&["discriminant.gate=2.0"]); // so that only the consistency decides
-    let before = learned(&tracker);
-    assert!(!before.is_null());
-    for _ in 0..12 {
-        tracker.update(&there).expect("a picture of the first size");
-    }
-    let on_target = learned(&tracker);
-    assert_ne!(on_target, before, "it learns on the target");
-    for _ in 0..12 {
-        tracker.update(&gone).expect("a picture of the first size");
-    }
-    let after = learned(&tracker);
-    for _ in 0..12 {
-        tracker.update(&gone).expect("a picture of the first size");
-    }
-    assert_eq!(learned(&tracker), after, "and not where it has been away for long");
 }
 
 #[test]
