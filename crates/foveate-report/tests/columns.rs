@@ -8,35 +8,15 @@ use foveate_core::Seen;
 use foveate_core::config::Config;
 use foveate_core::geometry::{BBox, Gaze};
 use foveate_core::multi::Phase;
-use foveate_core::scene::{Detection, Image};
+use foveate_core::scene::Detection;
 use foveate_report::columns::{BOXES, Column, REGRET, TARGETS, TRACE, TRACK, TRACKS, TRACKS_TXT};
 use foveate_report::regret::RegretLog;
 use foveate_report::{Boxes, MotFile, Observer, Table, TargetsTable, Trace, TracksTable};
-use foveate_video::Frame;
 use serde_json::Value;
 
-const CONFIG: &str = r#"
-particles = 40
-[dynamics]
-kind = "autoregressive"
-[retina]
-kind = "foveal"
-side = 28.0
-rings = [[8, 2], [16, 4]]
-[encoder]
-kind = "raw"
-[likelihood]
-distance = "cosine"
-sharpness = 20.0
-[policy]
-kind = "hedge"
-gamma = 0.5
-"#;
+mod scene;
 
-fn frame(index: usize) -> Frame {
-    let data = (0..64 * 48).map(|i| (60 + 37 * (i % 64 + index) * (i / 64) % 190) as u8).collect();
-    Frame { index, time: index as f64 / 25.0, image: Image::new(64, 48, 1, data).expect("64 x 48") }
-}
+use scene::{CONFIG, frame};
 
 fn read(path: &Path) -> String {
     std::fs::read_to_string(path).expect("a text file")
@@ -74,7 +54,9 @@ fn files_of_one_target_have_the_columns_of_the_dictionary() {
         Box::new(Table::create(path("track.csv")).expect("a writable folder")),
         Box::new(Trace::create(path("trace.jsonl")).expect("a writable folder")),
     ];
-    let blueprint = Config::parse(CONFIG, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration");
+    let blueprint = Config::parse(&format!("{CONFIG}kind = \"hedge\"\ngamma = 0.5\n"), "test")
+        .and_then(|c| c.check(&Folder::here()))
+        .expect("a good configuration");
     let mut tracker = blueprint.tracker(7).expect("parts that fit");
     let bbox = BBox { x: 10.0, y: 12.0, w: 16.0, h: 12.0 };
     tracker.init(&frame(0).image, bbox).expect("a box in the picture");

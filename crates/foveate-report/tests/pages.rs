@@ -12,33 +12,15 @@ use foveate_core::Seen;
 use foveate_core::config::Config;
 use foveate_core::geometry::BBox;
 use foveate_core::multi::Phase;
-use foveate_core::scene::Image;
 use foveate_report::{Observer, Report, RunInfo, SurfacePicture};
-use foveate_video::Frame;
 use serde_json::Value;
 
-const CONFIG: &str = r#"
-particles = 40
-[dynamics]
-kind = "autoregressive"
-[retina]
-kind = "foveal"
-side = 28.0
-rings = [[8, 2], [16, 4]]
-[encoder]
-kind = "raw"
-[likelihood]
-distance = "cosine"
-sharpness = 20.0
-[policy]
-"#;
+mod scene;
+
+use scene::{CONFIG, frame};
+
 const INIT: BBox = BBox { x: 10.0, y: 12.0, w: 16.0, h: 12.0 };
 const FRAMES: usize = 10;
-
-fn frame(index: usize) -> Frame {
-    let data = (0..64 * 48).map(|i| (60 + 37 * (i % 64 + index) * (i / 64) % 190) as u8).collect();
-    Frame { index, time: index as f64 / 25.0, image: Image::new(64, 48, 1, data).expect("64 x 48") }
-}
 
 /// report.html and surface.png of a short run with a policy.
 fn run(folder: &Path, policy: &str) -> PathBuf {
