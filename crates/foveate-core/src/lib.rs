@@ -1,9 +1,6 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
-#[macro_use]
-mod settings;
-
 mod alarm;
 pub mod assignment;
 pub mod config;

@@ -8,7 +8,7 @@ use crate::scene::Image;
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 
-settings! {
+foveate_base::settings! {
     /// Spread of the first particles. Lengths are in template units: 1 is half the box.
     #[derive(Copy)]
     pub struct StartSpread in "start" {

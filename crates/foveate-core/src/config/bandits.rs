@@ -1,129 +1,64 @@
 //! Settings of EXP3 and its relatives.
 
-use serde::{Deserialize, Serialize};
-
-use super::ranges::Ranges;
 use crate::gaze::{Exp3, Grid, Policy, Schedule, Variant};
 use foveate_base::Result;
-use foveate_base::error::within;
 
-/// EXP3.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Exp3Config {
-    /// The gazes.
-    pub grid: Grid,
-    /// Share of frames that explore; the learning rate is γ/K, above 0 to 1.
-    pub gamma: Schedule,
-}
+foveate_base::settings! {
+    /// EXP3.
+    pub struct Exp3Config in "policy" and rules {
+        /// The gazes.
+        pub grid: Grid = Grid::default(),
+        /// Share of frames that explore; the learning rate is γ/K, above 0 to 1.
+        pub gamma: Schedule = Schedule::Anytime,
+    }
 
-impl Default for Exp3Config {
-    fn default() -> Self {
-        Self { grid: Grid::default(), gamma: Schedule::Anytime }
+    /// EXP3 exactly as the paper prints it.
+    pub struct Exp3AsPrintedConfig in "policy" and rules {
+        /// The gazes.
+        pub grid: Grid = Grid::default(),
+        /// Share of frames that explore, and learning rate, above 0 to 1.
+        pub gamma: f64 = 0.1; 1e-9 to 1.0,
+    }
+
+    /// EXP3-IX.
+    pub struct Exp3IxConfig in "policy" and rules {
+        /// The gazes.
+        pub grid: Grid = Grid::default(),
+        /// Damping, above 0 to 1; the learning rate is 2γ.
+        pub gamma: Schedule = Schedule::Anytime,
+    }
+
+    /// EXP3.S.
+    pub struct Exp3SConfig in "policy" and rules {
+        /// The gazes.
+        pub grid: Grid = Grid::default(),
+        /// Share of frames that explore; the learning rate is γ/K, above 0 to 1.
+        pub gamma: Schedule = Schedule::Fixed(0.1),
+        /// Share of the weight that all gazes get each frame, above 0 to 1; about one over the frames between changes.
+        pub share: f64 = 0.01; 1e-9 to 1.0,
     }
 }
 
-/// EXP3 exactly as the paper prints it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Exp3AsPrintedConfig {
-    /// The gazes.
-    pub grid: Grid,
-    /// Share of frames that explore, and learning rate, above 0 to 1.
-    pub gamma: f64,
+macro_rules! bandits {
+    ($($config:ident: $variant:expr;)*) => {$(
+        impl $config {
+            fn rules(&self) -> Result<()> {
+                Schedule::from(self.gamma).check("policy.gamma", 1.0)?;
+                self.grid.check()
+            }
+            pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
+                let variant: fn(&Self) -> Variant = $variant;
+                Ok(Box::new(Exp3::new(self.grid.gazes(), variant(self), self.gamma)?))
+            }
+        }
+    )*};
 }
 
-impl Default for Exp3AsPrintedConfig {
-    fn default() -> Self {
-        Self { grid: Grid::default(), gamma: 0.1 }
-    }
-}
-
-/// EXP3-IX.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Exp3IxConfig {
-    /// The gazes.
-    pub grid: Grid,
-    /// Damping, above 0 to 1; the learning rate is 2γ.
-    pub gamma: Schedule,
-}
-
-impl Default for Exp3IxConfig {
-    fn default() -> Self {
-        Self { grid: Grid::default(), gamma: Schedule::Anytime }
-    }
-}
-
-/// EXP3.S.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Exp3SConfig {
-    /// The gazes.
-    pub grid: Grid,
-    /// Share of frames that explore; the learning rate is γ/K, above 0 to 1.
-    pub gamma: Schedule,
-    /// Share of the weight that all gazes get each frame, above 0 to 1; about one over the frames between changes.
-    pub share: f64,
-}
-
-impl Default for Exp3SConfig {
-    fn default() -> Self {
-        Self { grid: Grid::default(), gamma: Schedule::Fixed(0.1), share: 0.01 }
-    }
-}
-
-impl Exp3Config {
-    pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Unbiased, self.gamma)?))
-    }
-}
-
-impl Exp3AsPrintedConfig {
-    pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::AsPrinted, self.gamma)?))
-    }
-}
-
-impl Exp3IxConfig {
-    pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Implicit, self.gamma)?))
-    }
-}
-
-impl Exp3SConfig {
-    pub(super) fn build(&self) -> Result<Box<dyn Policy>> {
-        Ok(Box::new(Exp3::new(self.grid.gazes(), Variant::Sharing(self.share), self.gamma)?))
-    }
-}
-
-impl Ranges for Exp3Config {
-    fn ranges(&self) -> Result<()> {
-        self.gamma.check("policy.gamma", 1.0)?;
-        self.grid.check()
-    }
-}
-
-impl Ranges for Exp3AsPrintedConfig {
-    fn ranges(&self) -> Result<()> {
-        within("policy.gamma", self.gamma, 1e-9, 1.0)?;
-        self.grid.check()
-    }
-}
-
-impl Ranges for Exp3IxConfig {
-    fn ranges(&self) -> Result<()> {
-        self.gamma.check("policy.gamma", 1.0)?;
-        self.grid.check()
-    }
-}
-
-impl Ranges for Exp3SConfig {
-    fn ranges(&self) -> Result<()> {
-        self.gamma.check("policy.gamma", 1.0)?;
-        within("policy.share", self.share, 1e-9, 1.0)?;
-        self.grid.check()
-    }
+bandits! {
+    Exp3Config: |_| Variant::Unbiased;
+    Exp3AsPrintedConfig: |_| Variant::AsPrinted;
+    Exp3IxConfig: |_| Variant::Implicit;
+    Exp3SConfig: |config| Variant::Sharing(config.share);
 }
 
 #[cfg(test)]

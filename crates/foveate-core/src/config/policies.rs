@@ -200,10 +200,10 @@ impl Ranges for PolicyConfig {
                 within("policy.frames", *frames as f64, 0.0, 1e6)?;
                 grid.check()
             }
-            Self::Exp3(c) => c.ranges(),
-            Self::Exp3AsPrinted(c) => c.ranges(),
-            Self::Exp3Ix(c) => c.ranges(),
-            Self::Exp3S(c) => c.ranges(),
+            Self::Exp3(c) => c.check(),
+            Self::Exp3AsPrinted(c) => c.check(),
+            Self::Exp3Ix(c) => c.check(),
+            Self::Exp3S(c) => c.check(),
             Self::GpUcb(settings) => settings.check(),
             Self::Anchor { policy } => policy.ranges(),
             Self::Own(_) => Ok(()),

@@ -15,7 +15,7 @@ use super::evenly;
 use crate::geometry::State;
 use crate::scene::Flow;
 
-settings! {
+foveate_base::settings! {
     /// How far states move with the picture.
     #[derive(Copy)]
     pub struct CameraMotion in "camera_motion" {

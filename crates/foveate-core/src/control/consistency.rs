@@ -28,7 +28,7 @@ pub struct Consistency {
     pub is_informative: bool,
 }
 
-settings! {
+foveate_base::settings! {
     /// How evidence and tempered weights are compared with the reference over time.
     pub struct ConsistencySettings in "consistency" {
         /// Weight of the newest frame in the smoothed deficit, 0 to 1.

@@ -13,7 +13,7 @@
 use crate::geometry::{Extent, State};
 use crate::scene::Detection;
 
-settings! {
+foveate_base::settings! {
     /// The error model of detections.
     #[derive(Copy)]
     pub struct DetectionLikelihood in "detection_likelihood" {

@@ -6,7 +6,7 @@
 
 use crate::geometry::{Extent, Size, State};
 
-settings! {
+foveate_base::settings! {
     /// Places around the target, to find distractors among; lengths in template units (1 = half the target's box).
     pub struct DistractorSettings in "distractors" {
         /// Largest distance from the target, 1 to 50.

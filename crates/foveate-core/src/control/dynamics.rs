@@ -42,7 +42,7 @@ pub trait Dynamics: Send + Sync {
     }
 }
 
-settings! {
+foveate_base::settings! {
     /// Linear, Gaussian, first-order: with n standard normal, each one its own,
     /// ```text
     /// v'          = damping · v + velocity · n          (both axes)

@@ -11,7 +11,7 @@
 use super::candidates::{Candidates, Draw};
 use crate::geometry::{Extent, State};
 
-settings! {
+foveate_base::settings! {
     /// Settings of the search for a target that has leapt.
     #[derive(Copy)]
     pub struct LocalSearchSettings in "local_search" {

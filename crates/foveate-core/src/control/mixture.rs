@@ -36,7 +36,7 @@ use foveate_base::Result;
 use foveate_base::error::within;
 use foveate_base::rng::{Rng, Streams};
 
-settings! {
+foveate_base::settings! {
     /// How detections are mixed with the prior. Lengths are template units at the parent's size: 1 is half the box.
     #[derive(Copy)]
     pub struct Mixing in "proposal" and rules {

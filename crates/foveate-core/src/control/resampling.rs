@@ -3,8 +3,6 @@
 //! Every scheme is unbiased: particle i gets m·wᵢ of the m copies on average. They differ in the spread of counts:
 //! those of systematic and residual resampling are less than 1 below m·wᵢ (Douc, Cappé & Moulines 2005).
 
-use foveate_base::Result;
-use foveate_base::error::within;
 use foveate_base::rng::Rng;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -24,28 +22,18 @@ pub enum Scheme {
     Residual,
 }
 
-/// When and how to resample.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Resampling {
-    /// Resampling scheme.
-    pub scheme: Scheme,
-    /// Resample if the effective sample size is below this share of the particles: 0 is never, 1 every frame.
-    pub below: f64,
-}
-
-impl Default for Resampling {
-    /// As in the paper: every frame.
-    fn default() -> Self {
-        Self { scheme: Scheme::Systematic, below: 1.0 }
+foveate_base::settings! {
+    /// When and how to resample.
+    #[derive(Copy)]
+    pub struct Resampling in "resampling" {
+        /// Resampling scheme.
+        pub scheme: Scheme = Scheme::Systematic,
+        /// Resample if the effective sample size is below this share of the particles: 0 is never, 1 every frame.
+        pub below: f64 = 1.0; 0.0 to 1.0,
     }
 }
 
 impl Resampling {
-    /// Fails if the threshold is not from 0 to 1.
-    pub fn check(&self) -> Result<()> {
-        within("resampling.below", self.below, 0.0, 1.0)
-    }
     /// Whether to resample a belief of `n` particles with this effective sample size.
     pub fn is_due(&self, ess: f64, n: usize) -> bool {
         self.below >= 1.0 || ess < self.below * n as f64

@@ -45,7 +45,7 @@ impl Status {
     }
 }
 
-settings! {
+foveate_base::settings! {
     /// Thresholds of P(lost) at which the reported status changes.
     #[derive(Copy)]
     pub struct StatusThresholds in "confidence.status" and rules {

@@ -48,7 +48,7 @@ const FARTHEST: f64 = 0.5;
 const MOST: f32 = 1e4;
 const MOST_FRAMES: u64 = 1 << 48;
 
-settings! {
+foveate_base::settings! {
     /// Settings of the box regression.
     pub struct Settings in "box_regression" {
         /// A file of `bench/train_box_regression.py`, or `builtin:natural-boxes`.

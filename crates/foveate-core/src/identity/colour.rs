@@ -26,7 +26,7 @@ use crate::geometry::{Extent, State};
 use crate::saved_state::{Valid, Validate, ensure};
 use crate::scene::Image;
 
-settings! {
+foveate_base::settings! {
     /// Settings of the colour model.
     #[derive(Copy)]
     pub struct Settings in "colour" {

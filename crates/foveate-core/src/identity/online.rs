@@ -19,7 +19,7 @@ use super::numbers::floats;
 use super::rbm_encoder::RbmEncoder;
 use crate::saved_state::SavedState;
 
-settings! {
+foveate_base::settings! {
     /// Settings of training while tracking. It needs an RBM as the first layer.
     #[derive(Copy)]
     pub struct Settings in "online_training" {

@@ -4,7 +4,7 @@ use super::attention::Attention;
 use foveate_base::Result;
 use foveate_base::error::within;
 
-settings! {
+foveate_base::settings! {
     /// Rules for many targets. Lengths are in template units: 1 is half the target's box.
     #[derive(Copy)]
     pub struct Settings in "multi_target" and rules {

@@ -9,11 +9,10 @@
 //! Frame `t` depends on the settings and `t` alone: any frame can be drawn without the others.
 
 use rand::RngExt;
-use serde::{Deserialize, Serialize};
 
 use crate::idx::{Digits, SIDE};
 use crate::synthetic::path::Path;
-use crate::synthetic::{Drawn, Ink, check_scene, pick, shifted, wrong};
+use crate::synthetic::{Drawn, Ink, check_scene, pick, shifted};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_core::geometry::{BBox, Size};
@@ -22,46 +21,29 @@ use foveate_core::scene::Image;
 /// The salt and pepper density of the authors' noisy videos.
 pub const NOISE: f64 = 0.3;
 
-/// Settings of a video; [`Default`] is the experiment without noise.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Clutter {
-    /// Class of the moving digit, 0 to 9.
-    pub digit: u8,
-    /// Everything random follows from this and `digit`.
-    pub seed: u64,
-    /// Length of the video.
-    pub frames: usize,
-    /// Width of the canvas in pixels, at least 28.
-    pub width: usize,
-    /// Height of the canvas in pixels, at least 28.
-    pub height: usize,
-    /// Share of the black pixels hit by salt and pepper, 0 to 1; half of it is visible.
-    pub noise: f64,
-    /// Number of static digits, the nine other classes in turn.
-    pub distractors: usize,
-    /// Slowest and fastest mean speed of a video, pixels a frame (the authors' ten: 1.35 to 2.15).
-    pub speed: [f64; 2],
-    /// How digits cover each other.
-    pub ink: Ink,
-    /// Whether the target is drawn between pixels (bilinear); the authors round to whole ones.
-    pub subpixel: bool,
-}
-
-impl Default for Clutter {
-    fn default() -> Self {
-        Self {
-            digit: 3,
-            seed: 7,
-            frames: 300,
-            width: 250,
-            height: 200,
-            noise: 0.0,
-            distractors: 18,
-            speed: [1.35, 2.15],
-            ink: Ink::Replace,
-            subpixel: false,
-        }
+foveate_base::settings! {
+    /// Settings of a video; [`Default`] is the experiment without noise.
+    pub struct Clutter in "clutter" and rules {
+        /// Class of the moving digit, 0 to 9.
+        pub digit: u8 = 3; 0.0 to 9.0,
+        /// Everything random follows from this and `digit`.
+        pub seed: u64 = 7,
+        /// Length of the video.
+        pub frames: usize = 300,
+        /// Width of the canvas in pixels, at least 28.
+        pub width: usize = 250,
+        /// Height of the canvas in pixels, at least 28.
+        pub height: usize = 200,
+        /// Share of the black pixels hit by salt and pepper, 0 to 1; half of it is visible.
+        pub noise: f64 = 0.0; 0.0 to 1.0,
+        /// Number of static digits, the nine other classes in turn.
+        pub distractors: usize = 18,
+        /// Slowest and fastest mean speed of a video, pixels a frame (the authors' ten: 1.35 to 2.15).
+        pub speed: [f64; 2] = [1.35, 2.15],
+        /// How digits cover each other.
+        pub ink: Ink = Ink::Replace,
+        /// Whether the target is drawn between pixels (bilinear); the authors round to whole ones.
+        pub subpixel: bool = false,
     }
 }
 
@@ -103,9 +85,8 @@ impl Clutter {
         Ok(ClutterVideo { settings: self.clone(), background, target, truth })
     }
 
-    fn check(&self) -> Result<()> {
-        check_scene(self.frames, Size::new(self.width, self.height), SIDE as f64, self.noise, self.speed)?;
-        if self.digit > 9 { wrong(format!("digit is {}, expected 0 to 9", self.digit)) } else { Ok(()) }
+    fn rules(&self) -> Result<()> {
+        check_scene(self.frames, Size::new(self.width, self.height), SIDE as f64, self.speed)
     }
 
     fn streams(&self, frame: u64) -> Streams {
@@ -262,10 +243,10 @@ mod tests {
     fn wrong_settings_are_errors_with_the_cause() {
         let good = Clutter::default();
         for (settings, said) in [
-            (Clutter { digit: 10, ..good.clone() }, "digit is 10"),
+            (Clutter { digit: 10, ..good.clone() }, "clutter.digit"),
             (Clutter { frames: 0, ..good.clone() }, "frames is 0"),
             (Clutter { width: 27, ..good.clone() }, "27 x 200"),
-            (Clutter { noise: f64::NAN, ..good.clone() }, "noise is NaN"),
+            (Clutter { noise: f64::NAN, ..good.clone() }, "clutter.noise"),
             (Clutter { speed: [2.0, 1.0], ..good.clone() }, "speed is from 2 to 1"),
             (Clutter { width: 28, height: 28, ..good.clone() }, "no path"),
         ] {

@@ -191,14 +191,13 @@ fn wrong<T>(what: String) -> Result<T> {
     Err(Error::Config(format!("synthetic video: {what}")))
 }
 
-/// Checks the settings that all scenes have; `least` is the shortest side of the canvas.
-fn check_scene(frames: usize, size: Size, least: f64, noise: f64, [slow, fast]: [f64; 2]) -> Result<()> {
+/// Checks length, canvas and speed of a scene; `least` is the shortest side of the canvas.
+fn check_scene(frames: usize, size: Size, least: f64, [slow, fast]: [f64; 2]) -> Result<()> {
     match () {
         () if frames == 0 => wrong("frames is 0, expected at least 1".into()),
         () if (size.width.min(size.height) as f64) < least || size.width.max(size.height) > 10_000 => {
             wrong(format!("a canvas of {size}, expected sides from the target's {least} to 10000"))
         }
-        () if !(0.0..=1.0).contains(&noise) => wrong(format!("noise is {noise}, expected 0 to 1")),
         () if !(0.0 <= slow && slow <= fast && fast.is_finite()) => {
             wrong(format!("speed is from {slow} to {fast}, expected 0 or more, the slower first"))
         }

@@ -9,7 +9,6 @@ use std::fmt::Write as _;
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
-use serde::{Deserialize, Serialize};
 
 use crate::crossings::crossings;
 use crate::idx::{Digits, SIDE};
@@ -27,52 +26,33 @@ const HALF: f64 = SIDE as f64 / 2.0;
 /// Ink from this on hides and counts as hidden; below are the soft edges of strokes.
 const SOLID: u8 = 64;
 
-/// Settings of a video; [`Default`] is the experiment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Multi {
-    /// Everything random follows from this.
-    pub seed: u64,
-    /// Number of moving digits, 1 to 10,000: up to ten their classes differ.
-    pub targets: usize,
-    /// Length of the video.
-    pub frames: usize,
-    /// Width of the canvas in pixels.
-    pub width: usize,
-    /// Height of the canvas in pixels.
-    pub height: usize,
-    /// Least and largest size, in units of 28 px, from 1 to 10; a target starts at one of them, by a coin.
-    pub scale: [f64; 2],
-    /// Largest angle away from upright, degrees; each target has half of it at least.
-    pub turn: f64,
-    /// Slowest and fastest mean speed, pixels a frame.
-    pub speed: [f64; 2],
-    /// At least so many times one target passes over another: half of the smaller box is covered.
-    pub crossings: usize,
-    /// Number of static digits behind, of 28 px.
-    pub clutter: usize,
-    /// Share of the pixels replaced by black or white, anew in each frame, 0 to 1.
-    pub noise: f64,
-    /// How digits cover each other.
-    pub ink: Ink,
-}
-
-impl Default for Multi {
-    fn default() -> Self {
-        Self {
-            seed: 7,
-            targets: 5,
-            frames: 300,
-            width: 400,
-            height: 300,
-            scale: [1.0, 3.0],
-            turn: 90.0,
-            speed: [1.35, 2.15],
-            crossings: 4,
-            clutter: 0,
-            noise: 0.0,
-            ink: Ink::Replace,
-        }
+foveate_base::settings! {
+    /// Settings of a video; [`Default`] is the experiment.
+    pub struct Multi in "multi" and rules {
+        /// Everything random follows from this.
+        pub seed: u64 = 7,
+        /// Number of moving digits, 1 to 10,000: up to ten their classes differ.
+        pub targets: usize = 5; 1.0 to 10_000.0,
+        /// Length of the video.
+        pub frames: usize = 300,
+        /// Width of the canvas in pixels.
+        pub width: usize = 400,
+        /// Height of the canvas in pixels.
+        pub height: usize = 300,
+        /// Least and largest size, in units of 28 px, from 1 to 10; a target starts at one of them, by a coin.
+        pub scale: [f64; 2] = [1.0, 3.0],
+        /// Largest angle away from upright, degrees; each target has half of it at least.
+        pub turn: f64 = 90.0; 0.0 to 3600.0,
+        /// Slowest and fastest mean speed, pixels a frame.
+        pub speed: [f64; 2] = [1.35, 2.15],
+        /// At least so many times one target passes over another: half of the smaller box is covered.
+        pub crossings: usize = 4,
+        /// Number of static digits behind, of 28 px.
+        pub clutter: usize = 0,
+        /// Share of the pixels replaced by black or white, anew in each frame, 0 to 1.
+        pub noise: f64 = 0.0; 0.0 to 1.0,
+        /// How digits cover each other.
+        pub ink: Ink = Ink::Replace,
     }
 }
 
@@ -216,22 +196,14 @@ impl Multi {
         Ok(Mover { class, extent: Extent { half_w: half, half_h: half }, states: states.collect(), ink: ink.to_vec() })
     }
 
-    fn check(&self) -> Result<()> {
+    fn rules(&self) -> Result<()> {
         let [low, high] = self.scale;
         let least = (2.0 * HALF * high).ceil();
-        check_scene(self.frames, Size::new(self.width, self.height), least, self.noise, self.speed)?;
-        match self {
-            _ if !(1..=10_000).contains(&self.targets) => {
-                wrong(format!("targets is {}, expected 1 to 10000", self.targets))
-            }
-            _ if !(1.0 <= low && low <= high && high <= 10.0) => {
-                wrong(format!("scale is from {low} to {high}, expected 1 to 10, the smaller first"))
-            }
-            _ if !(0.0..=3600.0).contains(&self.turn) => {
-                wrong(format!("turn is {}, expected 0 to 3600 degrees", self.turn))
-            }
-            _ => Ok(()),
+        check_scene(self.frames, Size::new(self.width, self.height), least, self.speed)?;
+        if 1.0 <= low && low <= high && high <= 10.0 {
+            return Ok(());
         }
+        wrong(format!("scale is from {low} to {high}, expected 1 to 10, the smaller first"))
     }
 
     fn streams(&self, frame: u64) -> Streams {

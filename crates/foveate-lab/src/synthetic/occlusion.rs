@@ -33,56 +33,36 @@ pub enum Corruption {
     Inverted,
 }
 
-/// Settings of a video; [`Default`] is the partial-information experiment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Occlusion {
-    /// Class of the digit, 0 to 9.
-    pub digit: u8,
-    /// Everything random follows from this and `digit`.
-    pub seed: u64,
-    /// Length of the video.
-    pub frames: usize,
-    /// Width of the canvas in pixels.
-    pub width: usize,
-    /// Height of the canvas in pixels.
-    pub height: usize,
-    /// Side of the target's square in pixels, 28 to 280; beyond 28 the digit is enlarged (bilinear).
-    pub side: usize,
-    /// Slowest and fastest mean speed of a video, pixels a frame.
-    pub speed: [f64; 2],
-    /// Number of bars that lie across the path.
-    pub bars: usize,
-    /// Short and long side of a bar, in units of a 28th of the target's side.
-    pub bar: [usize; 2],
-    /// Grey of the bars: 0 is the background's.
-    pub shade: u8,
-    /// Side of a black square that hides the middle of the target from the second frame on, in units of a 28th of the
-    /// target's side; 0 for none.
-    pub patch: usize,
-    /// Share of the pixels hit by noise, 0 to 1; the first frame's too.
-    pub noise: f64,
-    /// What becomes of them.
-    pub corruption: Corruption,
-}
-
-impl Default for Occlusion {
-    fn default() -> Self {
-        Self {
-            digit: 3,
-            seed: 7,
-            frames: 300,
-            width: 200,
-            height: 200,
-            side: SIDE,
-            speed: [2.0, 3.0],
-            bars: 2,
-            bar: [14, 40],
-            shade: 0,
-            patch: 0,
-            noise: NOISE,
-            corruption: Corruption::Replaced,
-        }
+foveate_base::settings! {
+    /// Settings of a video; [`Default`] is the partial-information experiment.
+    pub struct Occlusion in "occlusion" and rules {
+        /// Class of the digit, 0 to 9.
+        pub digit: u8 = 3; 0.0 to 9.0,
+        /// Everything random follows from this and `digit`.
+        pub seed: u64 = 7,
+        /// Length of the video.
+        pub frames: usize = 300,
+        /// Width of the canvas in pixels.
+        pub width: usize = 200,
+        /// Height of the canvas in pixels.
+        pub height: usize = 200,
+        /// Side of the target's square in pixels, 28 to 280; beyond 28 the digit is enlarged (bilinear).
+        pub side: usize = SIDE; 28.0 to 280.0,
+        /// Slowest and fastest mean speed of a video, pixels a frame.
+        pub speed: [f64; 2] = [2.0, 3.0],
+        /// Number of bars that lie across the path.
+        pub bars: usize = 2; 0.0 to 1000.0,
+        /// Short and long side of a bar, in units of a 28th of the target's side.
+        pub bar: [usize; 2] = [14, 40],
+        /// Grey of the bars: 0 is the background's.
+        pub shade: u8 = 0,
+        /// Side of a black square that hides the middle of the target from the second frame on, in units of a 28th of the
+        /// target's side; 0 for none.
+        pub patch: usize = 0; 0.0 to 28.0,
+        /// Share of the pixels hit by noise, 0 to 1; the first frame's too.
+        pub noise: f64 = NOISE; 0.0 to 1.0,
+        /// What becomes of them.
+        pub corruption: Corruption = Corruption::Replaced,
     }
 }
 
@@ -131,19 +111,12 @@ impl Occlusion {
         (0..self.bars).filter_map(&mut bar).collect()
     }
 
-    fn check(&self) -> Result<()> {
-        check_scene(self.frames, Size::new(self.width, self.height), self.side as f64, self.noise, self.speed)?;
-        match self {
-            _ if self.digit > 9 => wrong(format!("digit is {}, expected 0 to 9", self.digit)),
-            _ if !(SIDE..=10 * SIDE).contains(&self.side) => {
-                wrong(format!("side is {}, expected 28 to 280", self.side))
-            }
-            _ if self.patch > SIDE => wrong(format!("patch is {}, expected 0 to 28", self.patch)),
-            _ if self.bars > 1000 || self.bar.iter().any(|b| !(1..=1000).contains(b)) => {
-                wrong(format!("{} bars of {:?}, expected at most 1000 with sides of 1 to 1000", self.bars, self.bar))
-            }
-            _ => Ok(()),
+    fn rules(&self) -> Result<()> {
+        check_scene(self.frames, Size::new(self.width, self.height), self.side as f64, self.speed)?;
+        if self.bar.iter().all(|b| (1..=1000).contains(b)) {
+            return Ok(());
         }
+        wrong(format!("bars of {:?}, expected sides of 1 to 1000", self.bar))
     }
 
     fn streams(&self, frame: u64) -> Streams {
@@ -305,11 +278,11 @@ mod tests {
     fn wrong_settings_are_errors_with_the_cause() {
         let good = Occlusion::default();
         for (settings, said) in [
-            (Occlusion { digit: 10, ..good.clone() }, "digit is 10"),
-            (Occlusion { patch: usize::MAX, ..good.clone() }, "patch is"),
-            (Occlusion { side: 27, ..good.clone() }, "side is 27"),
+            (Occlusion { digit: 10, ..good.clone() }, "occlusion.digit"),
+            (Occlusion { patch: usize::MAX, ..good.clone() }, "occlusion.patch"),
+            (Occlusion { side: 27, ..good.clone() }, "occlusion.side"),
             (Occlusion { side: 201, ..good.clone() }, "200 x 200"),
-            (Occlusion { noise: f64::NAN, ..good.clone() }, "noise is NaN"),
+            (Occlusion { noise: f64::NAN, ..good.clone() }, "occlusion.noise"),
             (Occlusion { bar: [0, 40], ..good.clone() }, "bars of [0, 40]"),
             (Occlusion { side: 200, ..good.clone() }, "no path"),
         ] {

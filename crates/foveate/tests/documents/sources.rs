@@ -56,7 +56,7 @@ fn plain(text: &str) -> String {
     let (mut out, mut inside) = (String::new(), false);
     for line in text.lines() {
         match line {
-            "settings! {" => inside = true,
+            "foveate_base::settings! {" => inside = true,
             "}" if inside => inside = false,
             _ if inside => {
                 let line = line.strip_prefix("    ").unwrap_or(line);

@@ -22,7 +22,7 @@ pub struct PlaceEvidence {
     pub moved: [f64; 2],
 }
 
-settings! {
+foveate_base::settings! {
     /// How the covariance of the reported place follows from [`PlaceEvidence`]: g (`belief` · Σ + `borders` · diag(e²) + `pixels`² I) +
     /// (`lone` · unit)² / ESS³ I + `speed`² m mᵀ, with the belief's covariance Σ, the expected errors e of the box regression and the
     /// displacement m since the last frame: how far the target moved while the picture was exposed, and so its blur, is unknown.

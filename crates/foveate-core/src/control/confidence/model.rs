@@ -54,7 +54,7 @@ pub type Cues = [f64; CUES];
 /// The most that log odds by the box regression count, either way.
 pub(super) const MOST_ODDS: f64 = 6.0;
 
-settings! {
+foveate_base::settings! {
     /// The model, and the rules of the search and of the status.
     pub struct ConfidenceModel in "confidence" and rules {
         /// Weights wₖ of the cues; missing ones are 0.

@@ -2,7 +2,7 @@
 
 use super::MOST;
 
-settings! {
+foveate_base::settings! {
     /// Settings of the search; lengths are in template units (1 = half the target's box).
     pub struct RedetectionSettings in "redetection" {
         /// Frames between two searches.

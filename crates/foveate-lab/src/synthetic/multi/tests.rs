@@ -104,13 +104,13 @@ fn clutter_and_noise_are_drawn() {
 fn wrong_settings_are_errors_with_the_cause() {
     let good = Multi::default();
     for (settings, said) in [
-        (Multi { targets: 0, ..good.clone() }, "targets is 0"),
-        (Multi { targets: 10_001, ..good.clone() }, "targets is 10001"),
+        (Multi { targets: 0, ..good.clone() }, "multi.targets"),
+        (Multi { targets: 10_001, ..good.clone() }, "multi.targets"),
         (Multi { scale: [3.0, 1.0], ..good.clone() }, "scale is from 3 to 1"),
         (Multi { scale: [1.0, f64::NAN], ..good.clone() }, "scale is from 1 to NaN"),
         (Multi { width: 83, ..good.clone() }, "the target's 84"),
-        (Multi { turn: f64::INFINITY, ..good.clone() }, "turn is inf"),
-        (Multi { noise: 1.5, ..good.clone() }, "noise is 1.5"),
+        (Multi { turn: f64::INFINITY, ..good.clone() }, "multi.turn"),
+        (Multi { noise: 1.5, ..good.clone() }, "multi.noise"),
         (Multi { frames: 3, crossings: 50, ..good.clone() }, "cross 50 times"),
     ] {
         let problem = settings.video(&squares()).expect_err(said).to_string();
