@@ -12,7 +12,6 @@
 //! The paper's first layer is learned (section 2.1); on real video none of ours matches this one.
 
 use foveate_kernels as kernels;
-use serde::{Deserialize, Serialize};
 
 use super::discriminant::Place;
 use super::encoder::Encoder;
@@ -20,22 +19,16 @@ use super::retina::Cell;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
-/// The weight of each part of the features.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Weights {
-    /// Weight of the gradients, 0 to 1000.
-    pub gradients: f32,
-    /// Weight of grey.
-    pub grey: f32,
-    /// Weight of both colour channels together.
-    pub colour: f32,
-}
-
-impl Default for Weights {
-    /// As ridge regression found no use in others.
-    fn default() -> Self {
-        Self { gradients: 0.6, grey: 0.2, colour: 0.2 }
+foveate_base::settings! {
+    /// The weight of each part of the features: ridge regression found no use in others.
+    #[derive(Copy)]
+    pub struct Weights in "encoder.weights" {
+        /// Weight of the gradients, 0 to 1000.
+        pub gradients: f32 = 0.6; 0.0 to 1000.0,
+        /// Weight of grey, 0 to 1000.
+        pub grey: f32 = 0.2; 0.0 to 1000.0,
+        /// Weight of both colour channels together, 0 to 1000.
+        pub colour: f32 = 0.2; 0.0 to 1000.0,
     }
 }
 
@@ -66,11 +59,8 @@ impl Oriented {
                  [[18, 1]]; this one has {cells} grey cells"
             )));
         }
-        let weights = [weights.gradients, weights.grey, weights.colour];
-        if !weights.iter().all(|w| (0.0..=1000.0).contains(w)) {
-            return Err(Error::Config(format!("encoder.weights are numbers from 0 to 1000; they are {weights:?}")));
-        }
-        let [gradients, grey, colour] = weights.map(f32::sqrt);
+        weights.check()?;
+        let [gradients, grey, colour] = [weights.gradients, weights.grey, weights.colour].map(f32::sqrt);
         let length = [gradients, grey, colour * std::f32::consts::FRAC_1_SQRT_2];
         let (blocks, lengths) =
             ((side - 2) / kernels::BLOCK, kernels::Lengths { length, flat: FLAT, neither: NEITHER });
