@@ -12,7 +12,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 pub use self::clutter::{Clutter, ClutterVideo, NOISE};
-pub use self::multi::{Mover, Multi, MultiFrames, MultiVideo};
+pub use self::multi::{Mover, Multi, MultiVideo};
 pub use self::occlusion::{Corruption, GLIMPSE, Occlusion, OcclusionVideo};
 use crate::idx::Digits;
 use foveate_base::rng::Rng;
@@ -36,10 +36,8 @@ pub trait Drawn: Send {
     where
         Self: Sized,
     {
-        let Size { width, height } = self.size();
-        let reader = "synthetic digits".into();
-        let info = SourceInfo { width, height, frames: Some(self.truth().len()), rate: 30.0, reader };
-        DrawnFrames { video: self, next: 0, info }
+        let (size, frames) = (self.size(), self.truth().len());
+        DrawnFrames::new(self, size, frames, Self::render)
     }
 }
 
@@ -106,30 +104,35 @@ impl Synthetic {
     }
 }
 
-/// The frames of a [`Drawn`] video.
+/// The frames of a synthetic video, at 30 a second.
 #[derive(Clone, Debug)]
 pub struct DrawnFrames<V> {
     video: V,
-    next: usize,
+    render: fn(&V, usize) -> Image,
+    left: std::ops::Range<usize>,
     info: SourceInfo,
 }
 
-impl<V: Drawn> Iterator for DrawnFrames<V> {
-    type Item = Result<Frame>;
-    fn next(&mut self) -> Option<Self::Item> {
-        let index = self.next;
-        (index < self.video.truth().len()).then(|| {
-            self.next += 1;
-            Ok(Frame { index, time: index as f64 / self.info.rate, image: self.video.render(index) })
-        })
-    }
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.video.truth().len() - self.next;
-        (left, Some(left))
+impl<V> DrawnFrames<V> {
+    fn new(video: V, Size { width, height }: Size, frames: usize, render: fn(&V, usize) -> Image) -> Self {
+        let reader = "synthetic digits".into();
+        let info = SourceInfo { width, height, frames: Some(frames), rate: 30.0, reader };
+        Self { video, render, left: 0..frames, info }
     }
 }
 
-impl<V: Drawn> FrameSource for DrawnFrames<V> {
+impl<V> Iterator for DrawnFrames<V> {
+    type Item = Result<Frame>;
+    fn next(&mut self) -> Option<Self::Item> {
+        let index = self.left.next()?;
+        Some(Ok(Frame { index, time: index as f64 / self.info.rate, image: (self.render)(&self.video, index) }))
+    }
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        self.left.size_hint()
+    }
+}
+
+impl<V: Send> FrameSource for DrawnFrames<V> {
     fn info(&self) -> &SourceInfo {
         &self.info
     }

@@ -13,13 +13,12 @@ use rand::seq::SliceRandom;
 use crate::crossings::crossings;
 use crate::idx::{Digits, SIDE};
 use crate::synthetic::path::Path;
-use crate::synthetic::{Ink, check_scene, pick, wrong};
+use crate::synthetic::{DrawnFrames, Ink, check_scene, pick, wrong};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Rng, Streams};
 use foveate_core::geometry::{BBox, Extent, Size, State};
 use foveate_core::scene::Image;
 use foveate_video::mot::{TrackBox, Tracks};
-use foveate_video::{Frame, FrameSource, SourceInfo};
 
 /// Half a digit of 28 px: one template unit at size 1.
 const HALF: f64 = SIDE as f64 / 2.0;
@@ -284,11 +283,9 @@ impl MultiVideo {
     }
 
     /// The frames in order, at 30 a second.
-    pub fn source(self) -> MultiFrames {
-        let Size { width, height } = self.size();
-        let reader = "synthetic digits".into();
-        let info = SourceInfo { width, height, frames: Some(self.frames()), rate: 30.0, reader };
-        MultiFrames { video: self, next: 0, info }
+    pub fn source(self) -> DrawnFrames<Self> {
+        let (size, frames) = (self.size(), self.frames());
+        DrawnFrames::new(self, size, frames, Self::render)
     }
 
     /// `frame,target,digit,x,y,w,h,scale,angle_degrees,visible`, one line a target and frame: frames and pixels from 1, boxes upright,
@@ -330,31 +327,6 @@ impl MultiVideo {
 fn grown(b: &BBox, factor: f64) -> BBox {
     let (x, y) = b.centre();
     BBox::around(x, y, factor * b.w, factor * b.h)
-}
-
-/// The frames of a [`MultiVideo`].
-#[derive(Clone, Debug)]
-pub struct MultiFrames {
-    video: MultiVideo,
-    next: usize,
-    info: SourceInfo,
-}
-
-impl Iterator for MultiFrames {
-    type Item = Result<Frame>;
-    fn next(&mut self) -> Option<Self::Item> {
-        let index = self.next;
-        (index < self.video.frames()).then(|| {
-            self.next += 1;
-            Ok(Frame { index, time: index as f64 / self.info.rate, image: self.video.render(index) })
-        })
-    }
-}
-
-impl FrameSource for MultiFrames {
-    fn info(&self) -> &SourceInfo {
-        &self.info
-    }
 }
 
 #[cfg(test)]
