@@ -87,44 +87,31 @@ trait Sum: Copy + Default {
     fn to_f32(self) -> f32;
 }
 
-impl Sum for u16 {
-    #[inline(always)]
-    fn of(pixel: u8) -> Self {
-        pixel.into()
-    }
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        self.wrapping_sub(other)
-    }
-    #[inline(always)]
-    fn to_f32(self) -> f32 {
-        self.into()
-    }
+macro_rules! sums {
+    ($($sum:ident)*) => {$(
+        impl Sum for $sum {
+            #[inline(always)]
+            fn of(pixel: u8) -> Self {
+                pixel.into()
+            }
+            #[inline(always)]
+            fn plus(self, other: Self) -> Self {
+                self.wrapping_add(other)
+            }
+            #[inline(always)]
+            fn minus(self, other: Self) -> Self {
+                self.wrapping_sub(other)
+            }
+            #[inline(always)]
+            fn to_f32(self) -> f32 {
+                // Below 2^31, where the conversion of signed numbers, which more processors have, gives the same.
+                self as i32 as f32
+            }
+        }
+    )*};
 }
 
-impl Sum for u32 {
-    #[inline(always)]
-    fn of(pixel: u8) -> Self {
-        pixel.into()
-    }
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        self.wrapping_sub(other)
-    }
-    #[inline(always)]
-    fn to_f32(self) -> f32 {
-        // Below 2^31, where the conversion of signed numbers, which more processors have, gives the same.
-        self as i32 as f32
-    }
-}
+sums!(u16 u32);
 
 levels! {
     fn means_narrow_at (
