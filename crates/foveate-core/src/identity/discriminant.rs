@@ -12,8 +12,9 @@
 //! if each part is dropped with that probability and scaled up otherwise (van der Maaten et al., 2013), so that parts
 //! become independent. C is the covariance of a target's features along a track, if known ([`Variation`]).
 //!
-//! If the gaze may move, w has one weight for each feature of the whole template, and each gaze reads a part of it ([`Layout`]): frame 1
-//! teaches all gazes, each later frame the committed one, and so the parts that other gazes share with it.
+//! If the gaze may move, w has one weight for each feature of the whole template, and each gaze reads a part of it
+//! (`discriminant/layout.rs`): frame 1 teaches all gazes, each later frame the committed one, and so the parts that other
+//! gazes share with it.
 //!
 //! Deviation: the paper's template is the first frame for ever. Correlation filters learn the same from all shifts at
 //! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.
