@@ -5,8 +5,9 @@ Usage:
   pip install numpy opencv-python-headless
   bench/bandwidth.py copies --seqs data/tracking data/tracking-wide data/tracking-train --out out-bandwidth
   for kind in coarse rare; do foveate eval --config natural --seqs out-bandwidth/$kind --out out-$kind; done
-  foveate eval --config foveated --seqs data/tracking data/tracking-wide data/tracking-train --out out-foveated
-  bench/bandwidth.py scores out-bandwidth out-foveated out-coarse out-rare
+  foveate eval --config natural --set sensor.overview=52 --set sensor.fovea=[4.0,40.0] --out out-windows \
+      --seqs data/tracking data/tracking-wide data/tracking-train
+  bench/bandwidth.py scores out-bandwidth out-windows out-coarse out-rare
 
 Copies of each sequence, in OTB layout, with a 16th of the pixels (--share): `coarse` has pictures of a quarter of the width and height, the
 mean of 4 x 4 pixels each; `rare` has every 16th picture. Between two pictures of `rare` the box moves on with the velocity of the last two.
