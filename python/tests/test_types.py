@@ -39,9 +39,16 @@ def test_mypy_finds_all_that_is_wrong() -> None:
     assert {int(line.split(":")[1]) for line in lines if ": error:" in line} == WRONG, lines
 
 
-def test_pyright_finds_all_that_is_wrong() -> None:
+def need_pyright() -> None:
+    """Skips without it, or where it finds and fetches no Node.js."""
     if importlib.util.find_spec("pyright") is None:
         pytest.skip("skipped: no pyright")
+    if subprocess.run([sys.executable, "-m", "pyright", "--version"], capture_output=True, env=environment()).returncode:
+        pytest.skip("skipped: no Node.js for pyright")
+
+
+def test_pyright_finds_all_that_is_wrong() -> None:
+    need_pyright()
     report = json.loads(found("pyright", "--outputjson", "--pythonpath", sys.executable, MISUSE.name))
     errors = [d for d in report["generalDiagnostics"] if d["severity"] == "error"]
     assert {d["range"]["start"]["line"] + 1 for d in errors} == WRONG, errors
@@ -100,8 +107,7 @@ def first_words(name: str) -> str:
 
 
 def test_editors_show_a_docstring_for_every_public_name(tmp_path: Path) -> None:
-    if importlib.util.find_spec("pyright") is None:
-        pytest.skip("skipped: no pyright")
+    need_pyright()
     names = list(public_names())
     text = "".join(f"foveate.{name}\n" for name in ["__doc__", *names]).replace("foveate.__doc__", "import foveate", 1)
     server, uri = Server(tmp_path), (tmp_path / "names.py").as_uri()
