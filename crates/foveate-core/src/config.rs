@@ -9,9 +9,9 @@ use std::sync::Arc;
 
 use crate::control::{LocalSearch, Redetection};
 use crate::engine::{Filter, GazeControl, Monitor};
-use crate::geometry::Gaze;
 use crate::identity::Appearance;
 use crate::identity::box_regression::{self, BoxRegression};
+use crate::identity::discriminant::Layout;
 use crate::identity::encoder::Encoder;
 use crate::identity::gaze_appearance::GazeAppearance;
 use crate::identity::oriented::Oriented;
@@ -290,27 +290,31 @@ impl Blueprint {
         }
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
             .with_background_discount(c.likelihood.background_discount)
-            .with_steady_gaze(c.sensor.is_some() && covers_the_box(&self.retina))
+            .with_steady_gaze(self.has_steady_gaze())
             .with_colour(c.colour);
         let appearance = match c.discriminant {
-            Some(settings) => appearance
-                .with_discriminant(settings)
-                .with_gazes(&self.learned_gazes())
-                .with_variation(self.variation.clone()),
+            Some(settings) => {
+                appearance.with_discriminant(settings).with_layout(self.layout()).with_variation(self.variation.clone())
+            }
             None => appearance,
         };
         #[cfg(feature = "learn")]
         let appearance = appearance.training(c.online_training)?;
         Ok(Box::new(appearance))
     }
-    /// The gazes that the discriminant serves beside the centre: all that the policy may commit to, unless it is known for the centre
-    /// alone how features vary, or gazes steer a sensor.
-    pub(crate) fn learned_gazes(&self) -> Vec<Gaze> {
+    /// Whether gazes move the sensor's window, and the retina stays at the centre.
+    fn has_steady_gaze(&self) -> bool {
+        self.config.sensor.is_some() && covers_the_box(&self.retina)
+    }
+    /// The features of all gazes that the policy may commit to, in one discriminant. `None` if it serves the committed gaze alone: then the
+    /// policy has no choice, it is known for the centre only how features vary, or features have no known places.
+    pub(crate) fn layout(&self) -> Option<Layout> {
         let c = &self.config;
-        let steady = c.sensor.is_some() && covers_the_box(&self.retina);
-        let shared = c.discriminant.is_some() && self.variation.is_none() && !steady && c.observation_model.is_none();
-        let places = shared.then(|| self.encoder.downcast::<Oriented>()).flatten();
-        places.map_or(vec![], |_| c.policy.gazes_to_commit_to())
+        let learned = c.discriminant.is_some() && c.observation_model.is_none();
+        let encoder = self.encoder.downcast::<Oriented>().filter(|_| learned && self.variation.is_none())?;
+        let gazes = c.policy.gazes_to_commit_to();
+        let several = gazes.len() > 1 && !self.has_steady_gaze();
+        several.then(|| Layout::new(&gazes, &encoder.parts(), &encoder.places(self.retina.cells())))
     }
     /// The same, with another retina and encoder, of whose features it is not known how they vary.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {

@@ -346,8 +346,11 @@ impl Blueprint {
     /// # Errors
     /// As [`Blueprint::tracker`].
     pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
-        let gazes = self.learned_gazes();
-        let sensor = self.config().sensor.clone().map(|settings| Sensor::new(settings).with_gazes(&gazes));
+        let sensor = self.config().sensor.clone().map(Sensor::new);
+        let sensor = match self.layout() {
+            Some(layout) => sensor.map(|it| it.with_gazes(layout.gazes())),
+            None => sensor,
+        };
         Ok(Tracker::of(self.origin(seed, target), self.members()?, self.preprocessor()).with_sensor(sensor))
     }
 }

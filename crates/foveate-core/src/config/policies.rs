@@ -141,7 +141,7 @@ impl PolicyConfig {
     pub(super) fn commits_elsewhere(&self) -> bool {
         match self {
             Self::Fixed { u, v } => (*u, *v) != (0.0, 0.0),
-            _ => matches!(self, Self::ExploreThenCommit { .. }),
+            _ => !self.gazes_to_commit_to().is_empty(),
         }
     }
     /// The gazes that it chooses one of and commits to; none if it does not choose.

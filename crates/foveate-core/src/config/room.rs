@@ -3,8 +3,6 @@
 use super::Blueprint;
 use crate::geometry::{BBox, Size, State};
 use crate::identity::discriminant::Discriminant;
-use crate::identity::encoder::Encoder;
-use crate::identity::oriented::Oriented;
 use crate::identity::retina::Retina;
 use crate::multi::MemoryEstimate;
 use foveate_base::{Error, Result, memory};
@@ -23,18 +21,10 @@ impl Blueprint {
         let (particles, features) = (c.particles as u64, (n_v + n_h) as u64);
         let state = std::mem::size_of::<State>() as u64;
         // The rows of the first frame and a triangle of sums in 16 bits; in a look, two whole ones and their mixture.
-        let (row, gazes) = (n_h as u64 + 1, self.learned_gazes());
-        let learned = match self.encoder.downcast::<Oriented>() {
-            Some(encoder) if gazes.len() > 1 => {
-                let places = encoder.places(self.retina.cells());
-                Discriminant::new(c.discriminant.unwrap_or_default(), encoder.parts())
-                    .with_gazes(&gazes, &places)
-                    .length()
-            }
-            _ => row,
-        };
-        let rows = Discriminant::FIRST_ROWS * row * gazes.len().max(1) as u64;
-        let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (rows, learned * (learned + 1) / 2));
+        let (row, layout) = (n_h as u64 + 1, self.layout());
+        let (gazes, learned) = layout.map_or((1, row), |it| (it.gazes().len() as u64, it.count() as u64));
+        let of = |_| (Discriminant::FIRST_ROWS * row * gazes, learned * (learned + 1) / 2);
+        let (rows, triangle) = c.discriminant.map_or((0, 0), of);
         let colours = if c.colour.is_some() { COLOURS } else { 0 };
         // Remembered places as bytes, each with its length; those of one frame as they are.
         let remembered = c.distractors.as_ref().filter(|settings| settings.remembered > 0);
@@ -106,6 +96,11 @@ mod tests {
         let without = kept("distractors.remembered=0").expect("parts that fit");
         let with = kept("distractors.remembered=16").expect("parts that fit");
         assert_eq!(with - without, 16 * 13 * 13 * (224 + 4));
+        // Gazes that share no feature: 961 times 57 of them, and all their products.
+        let narrow = Config::builtin("narrow").expect("it ships with the library").expect("it is right");
+        let many = narrow.set("policy.grid.n=31").and_then(|it| it.set("policy.grid.reach=9.87")).expect("in range");
+        let error = many.check(&Nowhere).map(|_| ()).expect_err("20 GB");
+        assert!(error.to_string().contains("GiB"), "{error}");
         let error = kept("distractors={ reach = 50.0, step = 0.1, remembered = 1000 }").expect_err("200 TB");
         assert!(error.to_string().contains("1000 remembered frames"), "{error}");
     }

@@ -216,7 +216,8 @@ pub trait Policy: Send + Sync {
     fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng);
     /// Learns from rewards in [0, 1]; `rewards[k]` belongs to `plan.gazes()[k]`.
     fn learn(&mut self, plan: &Plan, rewards: &[f64]);
-    /// The only gaze of all later frames, if the policy has committed to one: the appearance then takes it ([`crate::identity::Appearance::commit_gaze`]).
+    /// The only gaze of all later frames, if the policy has committed to one: the appearance then takes it
+    /// ([`crate::identity::Appearance::commit_gaze`]).
     fn committed_gaze(&self) -> Option<Gaze> {
         None
     }

@@ -33,8 +33,7 @@ mod saved;
 mod settings;
 mod variation;
 
-use self::layout::Layout;
-pub(crate) use self::layout::Place;
+pub(crate) use self::layout::{Layout, Place};
 pub(super) use self::ridge::Learning;
 use self::ridge::{Regression, STEPS, Sums, outer};
 pub use self::settings::Settings;
@@ -101,9 +100,8 @@ impl Discriminant {
         self
     }
 
-    /// The same for several gazes besides the centre, each of which reads the features at these places around it; without a variation.
-    pub(crate) fn with_gazes(mut self, gazes: &[Gaze], places: &[Place]) -> Self {
-        let layout = Layout::new(gazes, &self.regression.parts, places);
+    /// The same for several gazes, with features of the layout's parts; without a variation.
+    pub(super) fn with_layout(mut self, layout: Layout) -> Self {
         let n = layout.count();
         for sums in [&mut self.first, &mut self.recent] {
             (sums.gram, sums.cross) = (vec![0.0; n * (n + 1) / 2], vec![0.0; n]);
@@ -115,11 +113,6 @@ impl Discriminant {
     /// The gazes that the first frame teaches beside the centre; empty if it learns at the committed gaze only.
     pub(super) fn gazes(&self) -> &[Gaze] {
         self.layout.as_ref().map_or(&[], Layout::gazes)
-    }
-
-    /// Weights of all gazes.
-    pub(crate) fn length(&self) -> u64 {
-        self.weights.len() as u64
     }
 
     /// Serves this committed gaze from now on. Returns false if it knows the last one only.
@@ -446,10 +439,10 @@ mod tests {
     /// Two gazes that share two of four features. What a frame teaches one is known under the other, and stays when the gaze changes.
     #[test]
     fn gazes_learn_from_each_other() {
-        let place = |quantity: usize, u: f64| layout::Place { quantity, u, v: 0.0 };
-        let places: Vec<layout::Place> = [-0.5, 0.5].iter().flat_map(|u| [place(0, *u), place(1, *u)]).collect();
+        let place = |quantity: usize, u: f64| Place { quantity, u, v: 0.0 };
+        let places: Vec<Place> = [-0.5, 0.5].iter().flat_map(|u| [place(0, *u), place(1, *u)]).collect();
         let gazes = [Gaze::CENTRE, Gaze { u: 1.0, v: 0.0, arm: Some(1) }];
-        let new = || Discriminant::new(Settings::default(), vec![4]).with_gazes(&gazes, &places);
+        let new = || Discriminant::new(Settings::default(), vec![4]).with_layout(Layout::new(&gazes, &[4], &places));
         let mut rng = Streams::new(4, 0).rng(0);
         let mut it = new();
         it.look_around(&TARGET, EXTENT, &[]);

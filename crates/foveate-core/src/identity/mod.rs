@@ -133,8 +133,8 @@ pub trait Appearance: Send + Sync {
     fn committed_gaze(&self) -> Gaze {
         Gaze::CENTRE
     }
-    /// Commits to this gaze, and learns the first frame anew under it if it does not know it. Returns the log-likelihoods to expect under this gaze; `None`, and
-    /// nothing happens, if it cannot.
+    /// Commits to this gaze, and learns the first frame anew under it if it does not know it. Returns the log-likelihoods to expect under
+    /// this gaze; `None`, and nothing happens, if it cannot.
     fn commit_gaze(&mut self, _gaze: Gaze, _streams: Streams) -> Option<ReferenceLikelihood> {
         None
     }

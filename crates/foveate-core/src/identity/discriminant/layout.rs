@@ -18,7 +18,7 @@ const SAME: f64 = 1e-6;
 /// The features of several gazes in one vector. Two gazes share a feature if it measures the same quantity at the same place of the
 /// template; each has a 1 of its own.
 #[derive(Clone, Debug)]
-pub(super) struct Layout {
+pub(crate) struct Layout {
     gazes: Vec<Gaze>,
     /// For each gaze the indices of its features, and of its 1.
     indices: Vec<Vec<usize>>,
@@ -31,7 +31,7 @@ pub(super) struct Layout {
 
 impl Layout {
     /// Of these gazes and the centre, with features of parts of these lengths at these places.
-    pub(super) fn new(gazes: &[Gaze], parts: &[usize], places: &[Place]) -> Self {
+    pub(crate) fn new(gazes: &[Gaze], parts: &[usize], places: &[Place]) -> Self {
         assert_eq!(places.len(), parts.iter().sum::<usize>(), "one place for each feature");
         let mut gazes = gazes.to_vec();
         if find(&gazes, Gaze::CENTRE).is_none() {
@@ -63,7 +63,7 @@ impl Layout {
         it
     }
 
-    pub(super) fn gazes(&self) -> &[Gaze] {
+    pub(crate) fn gazes(&self) -> &[Gaze] {
         &self.gazes
     }
 
@@ -73,7 +73,7 @@ impl Layout {
     }
 
     /// Values of the vector.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.parts.iter().sum::<usize>() + self.gazes.len()
     }
 

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use super::{CHUNK, GazeAppearance, dim, looks};
 use crate::geometry::{Fixation, Gaze, State};
 use crate::identity::colour::{self, Colour};
-use crate::identity::discriminant::{self, Discriminant, Learning};
-use crate::identity::oriented::Oriented;
+use crate::identity::discriminant::{self, Discriminant, Layout, Learning};
 use crate::identity::{Buffers, Lesson};
 use crate::scene::Image;
 use foveate_base::rows::{Rows, RowsMut};
@@ -23,11 +22,10 @@ impl GazeAppearance {
         Self { discriminant: self.discriminant.map(|it| it.with_variation(penalty)), ..self }
     }
 
-    /// The discriminant learns one weight vector for these gazes and the centre, if the features of all have known places.
-    pub(crate) fn with_gazes(self, gazes: &[Gaze]) -> Self {
-        let Some(encoder) = self.encoder.downcast::<Oriented>().filter(|_| gazes.len() > 1) else { return self };
-        let places = encoder.places(self.centred.cells());
-        Self { discriminant: self.discriminant.map(|it| it.with_gazes(gazes, &places)), ..self }
+    /// The discriminant learns one weight vector for all gazes of a layout.
+    pub(crate) fn with_layout(self, layout: Option<Layout>) -> Self {
+        let Some(layout) = layout else { return self };
+        Self { discriminant: self.discriminant.map(|it| it.with_layout(layout)), ..self }
     }
 
     /// Learns while tracking the colours of the target and of its surroundings, by these settings.
