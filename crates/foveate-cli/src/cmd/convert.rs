@@ -44,7 +44,7 @@ pub enum Format {
     Coco,
     /// CVAT for video 1.1, XML
     Cvat,
-    /// Label Studio's JSON of a video; boxes are in per cent, so it needs --size
+    /// Label Studio's JSON of a video; boxes are in per cent: `convert` needs --size
     LabelStudio,
     /// Tracks of DIVE and VIAME, CSV
     Viame,
