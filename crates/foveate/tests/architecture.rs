@@ -119,7 +119,7 @@ fn the_facade_exports_listed_names() {
 
 #[test]
 fn modules_import_what_they_may() {
-    const ROOT: [&str; 4] = ["config", "engine", "tracker", "step"];
+    const ROOT: [&str; 3] = ["config", "engine", "tracker"];
     let core = sources("core");
     for (folder, never) in [
         ("identity", &["control", "gaze", "multi"][..]),
