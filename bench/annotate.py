@@ -25,6 +25,7 @@ import numpy as np
 
 COUNTS = [2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100, 130, 160, 200, 300, 500, 1000, 2000]
 MEAN, LEAST = 0.8, 0.5
+METHODS = ("straight", "csrt", "even", "checked")
 
 
 def read_truth(path):
@@ -65,20 +66,39 @@ def straight(truth, keys):
     return np.stack([np.interp(np.arange(len(truth)), keys, truth[keys, k]) for k in range(4)], 1)
 
 
-def csrt(pictures, truth, keys):
-    import cv2
+class Csrt:
+    """OpenCV's CSRT from each key frame, forwards and backwards; each frame has the box of the nearer key frame."""
 
-    boxes = np.full_like(truth, np.nan)
-    for first, end in zip(keys, keys[1:] + [len(truth)]):
-        boxes[first] = truth[first]
-        tracker = cv2.TrackerCSRT_create()
-        x, y, w, h = truth[first]
-        tracker.init(pictures[first], (int(x - 1), int(y - 1), max(int(w), 2), max(int(h), 2)))
-        for t in range(first + 1, end):
-            found, box = tracker.update(pictures[t])
-            if found:
-                boxes[t] = [box[0] + 1, box[1] + 1, box[2], box[3]]
-    return boxes
+    def __init__(self, source, truth):
+        import cv2
+
+        cv2.setNumThreads(1)
+        self.create, self.pictures, self.bad = cv2.TrackerCSRT_create, pictures_of(source), 0
+        self.truth = truth[: len(self.pictures)]
+
+    def follow(self, boxes, key, step, count, strict):
+        """Tracks `count` frames. Returns False, with `strict`, at the first box below LEAST."""
+        if count == 0:
+            return True
+        tracker = self.create()
+        x, y, w, h = (int(v) for v in np.round(self.truth[key] - [1, 1, 0, 0]))
+        tracker.init(self.pictures[key], (x, y, max(w, 2), max(h, 2)))
+        for t in range(key + step, key + step * (count + 1), step):
+            found, box = tracker.update(self.pictures[t])
+            boxes[t] = [box[0] + 1, box[1] + 1, box[2], box[3]] if found else np.nan
+            if strict and np.isfinite(self.truth[t, 0]) and not overlaps(boxes[t : t + 1], self.truth[t : t + 1])[0] >= LEAST:
+                self.bad = t
+                return False
+        return True
+
+    def __call__(self, keys, strict=False):
+        """Boxes of all frames; with `strict` only those up to the first one below LEAST, from the last place of such a box on."""
+        boxes = np.full_like(self.truth, np.nan)
+        boxes[keys] = self.truth[keys]
+        for a, b in sorted(zip(keys, keys[1:]), key=lambda ends: abs(sum(ends) / 2 - self.bad)):
+            if not (self.follow(boxes, a, 1, (b - a) // 2, strict) and self.follow(boxes, b, -1, (b - a - 1) // 2, strict)):
+                break
+        return boxes
 
 
 def pictures_of(source):
@@ -125,12 +145,12 @@ def evenly(frames, count):
 
 
 def counted(boxes_of, truth):
-    """Key frames, evenly spaced, until the mean is good and until the worst is."""
+    """Key frames, evenly spaced, until the mean is good and until the worst is. `boxes_of` may stop at a bad box once the mean is good."""
     frames = np.flatnonzero(np.isfinite(truth[:, 0]))
     mean = least = None
     for count in COUNTS:
         keys = evenly(frames, min(count, len(frames)))
-        ious = overlaps(boxes_of(keys), truth)
+        ious = overlaps(boxes_of(keys, mean is not None), truth)
         mean = len(keys) if mean is None and ious.mean() >= MEAN else mean
         least = len(keys) if least is None and ious.min() >= LEAST else least
         if (mean and least) or len(keys) == len(frames):
@@ -155,37 +175,31 @@ def checked(annotate, truth, most=60):
 
 
 def clicks(args):
-    halves = {s["sequence"]: s["half"] for s in json.load(open(args.halves))["sources"]}
+    halves = {s["sequence"]: s["half"] for s in json.load(open(args.halves))["sources"]} if args.halves else {}
     Path(args.out).mkdir(parents=True, exist_ok=True)
     table = Path(args.out) / "clicks.csv"
-    rows = list(csv.DictReader(open(table))) if table.exists() else []
-    done = {row["sequence"] for row in rows}
+    rows = {row["sequence"]: row for row in csv.DictReader(open(table))} if table.exists() else {}
     for name, source, truth in sequences(args.seqs):
-        if name in done:
-            continue
-        annotate = Foveate(args, name, source, truth, halves[name])
-        row = {"sequence": name, "half": halves[name], "frames": int(np.isfinite(truth[:, 0]).sum())}
-        methods = {
-            "straight": lambda: counted(lambda keys: straight(truth, keys), truth),
-            "even": lambda: counted(lambda keys: annotate(keys)[0], truth),
-            "checked": lambda: checked(annotate, truth),
-        }
-        if args.csrt:
-            pictures = pictures_of(source)
-            truth = truth[: len(pictures)]
-            methods["csrt"] = lambda: counted(lambda keys: csrt(pictures, truth, keys), truth)
-        for method, count in methods.items():
-            row[f"{method} mean"], row[f"{method} least"] = count()
-        rows.append(row)
+        row = rows.setdefault(name, {"sequence": name, "frames": int(np.isfinite(truth[:, 0]).sum())})
+        for method in (method for method in args.methods if not row.get(f"{method} least")):
+            if method == "csrt":
+                trackers = Csrt(source, truth)
+                count = counted(trackers, trackers.truth)
+            elif method == "straight":
+                count = counted(lambda keys, _: straight(truth, keys), truth)
+            else:
+                annotate = Foveate(args, name, source, truth, halves[name])
+                count = counted(lambda keys, _: annotate(keys)[0], truth) if method == "even" else checked(annotate, truth)
+            row[f"{method} mean"], row[f"{method} least"] = count
         with open(table, "w", newline="") as file:
-            writer = csv.DictWriter(file, row.keys())
+            writer = csv.DictWriter(file, dict.fromkeys(key for row in rows.values() for key in row))
             writer.writeheader()
-            writer.writerows(rows)
+            writer.writerows(rows.values())
         print(row, flush=True)
     for what in ("mean", "least"):
         print(f"key frames until {what}: total, median a sequence")
-        for method in ("straight", "csrt", "even", "checked"):
-            values = [int(row[f"{method} {what}"]) for row in rows if row.get(f"{method} {what}")]
+        for method in METHODS:
+            values = [int(row[f"{method} {what}"]) for row in rows.values() if row.get(f"{method} {what}")]
             if values:
                 print(f"  {method:9} {sum(values):6} {statistics.median(values):6.1f}  of {len(values)} sequences")
 
@@ -242,11 +256,13 @@ def main():
     parser.add_argument("what", choices=["clicks", "fit"])
     parser.add_argument("program", nargs="?", default="target/release/foveate")
     parser.add_argument("--seqs", nargs="+", required=True)
-    parser.add_argument("--halves", required=True, help="scores.json of foveate eval")
+    parser.add_argument("--halves", help="scores.json of foveate eval")
     parser.add_argument("--set", action="append", default=[], help="setting of the configuration; {other} is the other half")
-    parser.add_argument("--csrt", action="store_true", help="OpenCV's CSRT from key frame to key frame, too")
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=["straight", "even", "checked"])
     parser.add_argument("--out", default="out-annotate")
     args = parser.parse_args()
+    if not args.halves and (args.what == "fit" or {"even", "checked"} & set(args.methods)):
+        parser.error("foveate needs --halves, because each sequence is annotated with the weights of the other half")
     args.program = os.path.abspath(args.program)
     {"clicks": clicks, "fit": fit}[args.what](args)
 
