@@ -127,7 +127,7 @@ pub fn frames_folder(path: &Path) -> PathBuf {
 /// camera: pictures that lie beside videos are no frames of one.
 pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     let folder = frames_folder(path.as_ref());
-    let (mut files, mut videos, mut others) = (Vec::new(), Vec::new(), 0);
+    let (mut files, mut videos, mut others, mut foreign) = (Vec::new(), Vec::new(), 0, None);
     for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder, "cannot read the folder"))? {
         let file = entry.map_err(Error::io(&folder, "cannot read the folder"))?.path();
         if is_hidden(&file) || file.is_dir() {
@@ -136,7 +136,10 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
         match (is_image(&file), is_video(&file)) {
             (true, _) => files.push(file),
             (_, true) if file.file_name().is_none_or(|name| name != FILM) => videos.push(file),
-            _ => others += 1,
+            _ => {
+                others += 1;
+                foreign = foreign.or_else(|| ending(&file).filter(|end| FOREIGN.contains(&&**end)));
+            }
         }
     }
     if let Some(video) = videos.iter().min() {
@@ -157,9 +160,16 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     }
     if files.is_empty() {
         let found = if others == 0 { "no files".to_owned() } else { counted(others, "file") + " of other kinds" };
+        let remedy = match foreign {
+            Some(end) => {
+                let split =
+                    if end.starts_with("tif") { " (a file of several pages first: tiffsplit FILE)" } else { "" };
+                format!("convert the .{end} files{split}: ffmpeg -pattern_type glob -i '*.{end}' %06d.png")
+            }
+            None => "give the folder that holds the frames".to_owned(),
+        };
         let problem = format!(
-            "expected .jpg, .jpeg or .png files (here, or in a subfolder img, img1 or color), found {found}; \
-             give the folder that holds the frames"
+            "expected .jpg, .jpeg or .png files (here, or in a subfolder img, img1 or color), found {found}; {remedy}"
         );
         return Err(Error::malformed(folder, problem));
     }
@@ -178,9 +188,16 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
 
 /// Whether a file of this name is a frame of the folder that it is in: one that ends in .jpg, .jpeg or .png, and is not hidden.
 pub fn is_image(path: &Path) -> bool {
-    let ending = path.extension().map(|ext| ext.to_string_lossy().to_ascii_lowercase());
-    matches!(ending.as_deref(), Some("jpg" | "jpeg" | "png")) && !is_hidden(path)
+    matches!(ending(path).as_deref(), Some("jpg" | "jpeg" | "png")) && !is_hidden(path)
 }
+
+/// The ending of a file's name, in small letters.
+fn ending(path: &Path) -> Option<String> {
+    path.extension().map(|end| end.to_string_lossy().to_ascii_lowercase())
+}
+
+/// How the names of pictures end that ffmpeg reads and foveate does not.
+const FOREIGN: [&str; 8] = ["tif", "tiff", "bmp", "webp", "gif", "pgm", "ppm", "jp2"];
 
 /// How the names of video files end.
 const VIDEOS: [&str; 18] = [
@@ -192,8 +209,7 @@ const FILM: &str = "annotated.mp4";
 
 /// Whether a file is a video, by the ending of its name.
 pub fn is_video(path: &Path) -> bool {
-    let ending = path.extension().map(|end| end.to_string_lossy().to_ascii_lowercase());
-    ending.is_some_and(|end| VIDEOS.contains(&&*end))
+    ending(path).is_some_and(|end| VIDEOS.contains(&&*end))
 }
 
 fn is_hidden(path: &Path) -> bool {
@@ -335,7 +351,7 @@ mod tests {
         assert!(text.contains("found no files"), "{text}");
         std::fs::write(dir.path().join("a.bmp"), "x").expect("a writable folder");
         let text = ImageFolder::open(dir.path()).expect_err("no images").to_string();
-        assert!(text.contains("1 file of other kinds"), "{text}");
+        assert!(text.contains("1 file of other kinds; convert the .bmp files: ffmpeg"), "{text}");
     }
 
     /// As a camera's folder: neither a picture that lies there nor one that comes later is taken for a frame.

@@ -113,3 +113,29 @@ fn folders_of_videos_differ_from_folders_of_frames() {
     let text = place.failure(&["video"]);
     assert!(text.contains("foveate pick video") && text.contains("--init x,y,w,h"), "{text}");
 }
+
+/// Pictures of other kinds: the error has the command that converts them, without a loss of 16 bits.
+#[test]
+fn pictures_of_other_kinds_are_refused_with_the_command_that_converts_them() {
+    let place = Place::new();
+    let ffmpeg = |args: &[&str]| {
+        let made = Command::new("ffmpeg").args(["-v", "error"]).args(args).current_dir(place.path("")).status();
+        made.is_ok_and(|status| status.success()).then_some(()).ok_or("ffmpeg that writes TIFF")
+    };
+    let frames = ["-i", "video/img/%04d.png", "-pix_fmt", "gray16le"];
+    for folder in ["deep", "tiff", "bmp"] {
+        std::fs::create_dir(place.path(folder)).expect("a writable folder");
+    }
+    need!(ffmpeg(&[&frames[..], &["deep/%04d.png"]].concat()));
+    need!(ffmpeg(&[&frames[..], &["tiff/%04d.tif"]].concat()));
+    need!(ffmpeg(&["-i", "video/img/%04d.png", "bmp/%04d.bmp"]));
+    let init = ["--init", "41,31,24,24"];
+    assert!(place.failure(&[&["bmp"][..], &init].concat()).contains("ffmpeg -pattern_type glob -i '*.bmp' %06d.png"));
+    let text = place.failure(&[&["tiff"][..], &init].concat());
+    assert!(text.contains("tiffsplit"), "{text}");
+    let command = text.trim().rsplit_once("ffmpeg ").expect("a command").1.replace('\'', "");
+    let words: Vec<&str> = command.split(' ').collect();
+    let done = Command::new("ffmpeg").args(["-v", "error"]).args(words).current_dir(place.path("tiff")).status();
+    assert!(done.is_ok_and(|status| status.success()), "{command}");
+    assert_eq!(place.boxes("a", &[&["tiff"][..], &init].concat()), place.boxes("b", &[&["deep"][..], &init].concat()));
+}
