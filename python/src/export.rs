@@ -27,7 +27,7 @@ pub(crate) fn export_boxes(
         let bbox = BBox::new(x, y, w, h);
         TrackBox { frame, id, bbox, confidence }
     });
-    let boxes = Boxes::new(boxes.collect(), frames).or_raise(py)?;
+    let boxes = Boxes::new(boxes.collect(), frames).or_raise(py)?.of_size(size.map(Into::into));
     if format == "yolo" {
         let size = size
             .ok_or_else(|| input(py, "YOLO's numbers are relative to the picture: give its size, (width, height)"))?;

@@ -109,14 +109,8 @@ pub(crate) fn run(args: Args) -> Result<()> {
         targets.iter().enumerate().flat_map(|(k, target)| target.keys.keys().map(move |frame| (k, *frame))).collect();
     let title = args.source.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let page = page::page(&title, &verdict, &names, &spans, &keys, &shown);
-    let written = write_results(
-        &args,
-        results.folder(),
-        boxes.with_tracks(tracks, frames, about.size())?,
-        &targets,
-        &checks,
-        &page,
-    );
+    let written =
+        write_results(&args, results.folder(), boxes.with_tracks(tracks, frames, &about)?, &targets, &checks, &page);
     let lost = written.map_err(|error| results.with_final_path(&error))?;
     let paths = results.keep(Ended::Finished, frames, Ok(()))?;
     lost.iter().for_each(|lost| note!("foveate: {file}: {lost}"));

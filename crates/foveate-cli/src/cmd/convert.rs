@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use foveate::geometry::Size;
 use foveate::text::counted;
+use foveate::video::SourceInfo;
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::{BBox, Error, Result, memory};
 
@@ -81,7 +82,7 @@ pub(crate) struct Args {
     /// Convert only the target with this id
     #[arg(long, allow_hyphen_values = true)]
     id: Option<i64>,
-    /// Size of the video's pictures in pixels, for label-studio
+    /// Size of the video's pictures in pixels; label-studio needs it, and some readers of CVAT's format
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<Size>,
 }
@@ -97,8 +98,12 @@ pub struct Boxes {
     labels: BTreeMap<i64, String>,
     /// The boxes that a person set, by target; empty if the format does not mark them.
     keys: BTreeMap<i64, KeyFrames>,
+    /// The boxes, by frame and target, of which a part is hidden, as far as the file has it.
+    occluded: BTreeSet<(usize, i64)>,
     /// Size of the pictures, which Label Studio's format needs.
     size: Option<Size>,
+    /// Frames per second, if known.
+    rate: Option<f64>,
     /// Descriptions of the information that the input or output format does not hold.
     lost: Vec<String>,
 }
@@ -124,6 +129,12 @@ impl Boxes {
         Ok(boxes)
     }
 
+    /// The same boxes of a video whose pictures have this size, which some formats need.
+    #[must_use]
+    pub fn of_size(self, size: Option<Size>) -> Self {
+        Self { size: size.or(self.size), ..self }
+    }
+
     /// Reads the boxes of a file.
     ///
     /// # Errors
@@ -137,7 +148,7 @@ impl Boxes {
     /// # Errors
     /// As [`Boxes::read`], and if such a format has no size.
     pub fn read_of_size(format: Format, path: &Path, size: Option<Size>) -> Result<Self> {
-        let boxes = Self { size, ..read(format, path, size)? };
+        let boxes = read(format, path, size)?.of_size(size);
         if boxes.frames == 0 && boxes.tracks.is_empty() {
             return Err(Error::malformed(path, "it has neither frames nor boxes; expected some"));
         }
@@ -169,16 +180,21 @@ impl Boxes {
         keys
     }
 
-    /// Replaces the boxes by others of the same targets; labels stay.
-    pub(crate) fn with_tracks(self, tracks: Vec<TrackBox>, frames: usize, size: Size) -> Result<Self> {
+    /// Replaces the boxes by others of the same targets; labels and occlusion stay.
+    pub(crate) fn with_tracks(self, tracks: Vec<TrackBox>, frames: usize, about: &SourceInfo) -> Result<Self> {
         let boxes = Self::new(tracks, frames)?;
-        Ok(Self { labels: self.labels, size: Some(size), ..boxes })
+        let (size, rate) = (Some(about.size()), Some(about.rate));
+        Ok(Self { labels: self.labels, occluded: self.occluded, size, rate, ..boxes })
     }
 
-    /// Adds the boxes of a target: each holds, or moves linearly, up to the next one, as CVAT and Label Studio do between key frames.
-    /// Returns the number of boxes in between.
+    /// Adds the boxes of a target: each holds, or moves linearly, up to the next one, and the last one holds up to the end of the video, as
+    /// in CVAT and Label Studio. Returns the number of boxes that the file does not state.
     fn fill(&mut self, path: &Path, id: i64, shapes: &KeyFrames) -> Result<usize> {
-        let end = shapes.keys().next_back().map_or(0, |last| last + 1);
+        let end = match shapes.iter().next_back() {
+            Some((last, Some(_))) => self.frames.max(last + 1),
+            Some((last, None)) => last + 1,
+            None => 0,
+        };
         self.frames = self.frames.max(end);
         // Each box applies up to the next key frame, which may be a million frames away.
         let next = shapes.iter().skip(1).map(|(frame, bbox)| (*frame, bbox)).chain([(end, &None)]);
@@ -298,8 +314,12 @@ fn read(format: Format, path: &Path, size: Option<Size>) -> Result<Boxes> {
 }
 
 fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
-    if !matches!(format, Format::Cvat | Format::LabelStudio | Format::Viame) {
+    if !matches!(format, Format::Coco | Format::Cvat | Format::LabelStudio | Format::Viame) {
         boxes.lose_labels();
+    }
+    if format != Format::Cvat {
+        let hidden = boxes.tracks.iter().filter(|b| boxes.occluded.contains(&(b.frame, b.id))).count();
+        boxes.lose(hidden, "boxes are occluded; that is left out");
     }
     match format {
         Format::Otb | Format::Vot | Format::Got10k => single::write(format, boxes, path),

@@ -72,9 +72,13 @@ fn many_targets_keep_their_ids() {
         place.convert("there", format, "back.txt", "mot", &[]);
         assert_eq!(place.read("back.txt"), text, "{format}");
     }
-    // In per cent of the picture: exact in pictures of 64 pixels. The ids are left out, and count from 1.
+    // In per cent of the picture: exact in pictures of 64 pixels.
     let size = ["--size", "64x64"];
     place.convert("there", "viame", "tasks.json", "label-studio", &size);
+    place.convert("tasks.json", "label-studio", "back.txt", "mot", &size);
+    assert_eq!(place.read("back.txt"), text);
+    // Regions of Label Studio itself count from 1.
+    place.write("tasks.json", &place.read("tasks.json").replace("target-7", "hD2cQ"));
     place.convert("tasks.json", "label-studio", "back.txt", "mot", &size);
     assert_eq!(place.read("back.txt"), text.replace(",3,", ",1,").replace("1,7,", "1,2,"));
     assert!(place.failure("tasks.json", "label-studio", "mot").contains("give --size WIDTHxHEIGHT"));
@@ -84,6 +88,42 @@ fn many_targets_keep_their_ids() {
     let lost = place.convert("gt.txt", "mot", "one.txt", "otb", &["--id", "7"]);
     assert!(lost.contains("id other than 1 is left out"), "{lost}");
     assert_eq!(place.read("one.txt"), "20,1,5,5.5\nNaN,NaN,NaN,NaN\nNaN,NaN,NaN,NaN\n");
+}
+
+#[test]
+fn labels_occlusion_and_size_stay() {
+    let place = Place::new();
+    let task = |end: &str| {
+        format!(
+            "<annotations><meta><task><size>9</size><original_size><width>64</width><height>48</height></original_size></task></meta>\
+             <track id=\"0\" label=\"a, &quot;b&quot;\"><box frame=\"1\" outside=\"0\" occluded=\"1\" keyframe=\"1\" xtl=\"1\" ytl=\"2\" \
+             xbr=\"31\" ybr=\"42\"/></track><track id=\"5\" label=\"c\"><box frame=\"4\" outside=\"0\" keyframe=\"1\" xtl=\"1\" \
+             ytl=\"2\" xbr=\"9\" ybr=\"8\"/>{end}</track></annotations>"
+        )
+    };
+    let gone = "<box frame=\"5\" outside=\"1\" keyframe=\"1\" xtl=\"1\" ytl=\"2\" xbr=\"9\" ybr=\"8\"/>";
+    place.write("task.xml", &task(gone));
+    let lost = place.convert("task.xml", "cvat", "same.xml", "cvat", &[]);
+    assert!(lost.contains("7 boxes between key frames are interpolated") && !lost.contains("left out"), "{lost}");
+    let same = place.read("same.xml");
+    // A box holds up to the end of the video.
+    assert_eq!((same.matches("occluded=\"1\"").count(), same.matches("outside=\"1\"").count()), (8, 1), "{same}");
+    assert!(same.contains("<width>64</width><height>48</height>"), "{same}");
+    for format in ["viame", "coco", "label-studio"] {
+        let size = if format == "label-studio" { &["--size", "64x48"][..] } else { &[] };
+        let lost = place.convert("task.xml", "cvat", "there", format, &[]);
+        assert!(lost.contains("8 boxes are occluded") && !lost.contains("label"), "{format}: {lost}");
+        place.convert("there", format, "back.xml", "cvat", size);
+        let back = place.read("back.xml");
+        assert!(
+            back.contains("<track id=\"0\" label=\"a, &quot;b&quot;\"") && back.contains("<track id=\"5\" label=\"c\""),
+            "{format}: {back}"
+        );
+        assert_eq!(back.matches("outside=\"0\"").count(), 9, "{format}");
+    }
+    place.write("dive.csv", "# metadata\n3,\"a, b.png\",0,1,1,9,9,0.5,-1,cat,0.2,dog,0.8,(atr) x 1\n");
+    place.convert("dive.csv", "viame", "dive.xml", "cvat", &[]);
+    assert!(place.read("dive.xml").contains("<track id=\"3\" label=\"dog\""));
 }
 
 #[test]
@@ -103,7 +143,7 @@ fn losses_of_a_conversion_are_reported() {
         "task.xml",
         "<annotations><meta><size>6</size></meta><track id=\"0\" label=\"cat\">\
          <box frame=\"0\" outside=\"0\" occluded=\"1\" xtl=\"0\" ytl=\"0\" xbr=\"10\" ybr=\"10\"/>\
-         <box frame=\"2\" outside=\"0\" rotation=\"5\" xtl=\"4\" ytl=\"0\" xbr=\"14\" ybr=\"12\"/>\
+         <box frame=\"2\" outside=\"0\" rotation=\"5\" xtl=\"4\" ytl=\"0\" xbr=\"14\" ybr=\"12\"><attribute name=\"pose\">up</attribute></box>\
          <box frame=\"4\" outside=\"1\" xtl=\"4\" ytl=\"0\" xbr=\"14\" ybr=\"12\"/></track>\
          <track id=\"1\" label=\"dog\"><points frame=\"1\" points=\"1,1\"/></track></annotations>",
     );
@@ -111,7 +151,8 @@ fn losses_of_a_conversion_are_reported() {
     for said in [
         "2 boxes between key frames are interpolated",
         "2 labels",
-        "1 boxes are occluded",
+        "2 boxes are occluded",
+        "1 attributes of boxes",
         "1 boxes are rotated",
         "1 shapes other than boxes",
     ] {
@@ -173,6 +214,9 @@ fn damage_is_an_error_that_names_the_file() {
         assert!(problem.contains(said), "{said}: {problem}");
     }
     assert!(place.failure("none", "otb", "vot").contains("none: cannot read"));
+    place.write("in", r#"[{"annotations":[{"result":[]},{"result":[]}]}]"#);
+    let two = place.run("in", "label-studio", "failed", "mot", &["--size", "64x48"]);
+    assert!(String::from_utf8_lossy(&two.stderr).contains("it has 2 annotations; expected one"), "{two:?}");
     let same = place.run("in", "otb", "in", "vot", &[]);
     assert!(!same.status.success());
 }

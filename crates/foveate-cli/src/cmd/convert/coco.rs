@@ -15,7 +15,14 @@ struct File {
     images: Vec<Image>,
     annotations: Vec<Annotation>,
     #[serde(default)]
-    categories: Vec<IgnoredAny>,
+    categories: Vec<Category>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Category {
+    id: i64,
+    name: String,
 }
 
 #[derive(Deserialize)]
@@ -28,6 +35,7 @@ struct Image {
 #[derive(Deserialize)]
 struct Annotation {
     image_id: i64,
+    category_id: Option<i64>,
     bbox: [f64; 4],
     track_id: Option<i64>,
     score: Option<f64>,
@@ -103,30 +111,43 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     if frames.len() != order.len() {
         return Err(Error::malformed(path, "two images have the same id"));
     }
-    let mut boxes = Boxes { frames: frames.len(), ..Boxes::default() };
+    let names: BTreeMap<i64, &str> = file.categories.iter().map(|c| (c.id, c.name.as_str())).collect();
+    let (mut boxes, mut unnamed) = (Boxes { frames: frames.len(), ..Boxes::default() }, 0);
     for (i, a) in file.annotations.iter().enumerate() {
         let wrong = |what: String| Error::malformed(path, format!("annotation {}: {what}", i + 1));
         let frame = *frames.get(&a.image_id).ok_or_else(|| wrong(format!("there is no image {}", a.image_id)))?;
         let [x, y, w, h] = a.bbox;
         let bbox = BBox::new(x, y, w, h);
         bbox.check().map_err(|e| wrong(e.to_string()))?;
+        if let Some(name) = a.category_id.and_then(|id| names.get(&id)) {
+            let label = a.track_id.map(|id| boxes.labels.entry(id).or_insert_with(|| (*name).to_owned()));
+            unnamed += usize::from(label.is_none_or(|label| label != name));
+        }
         boxes.tracks.push(TrackBox { frame, id: a.track_id.unwrap_or(-1), bbox, confidence: a.score.unwrap_or(1.0) });
     }
     let count = |such: &dyn Fn(&Annotation) -> bool| file.annotations.iter().filter(|a| such(a)).count();
     boxes.lose(count(&|a| a.track_id.is_none()), "boxes have no track_id: they are detections, of the id -1");
     boxes.lose(count(&|a| a.segmentation.0), "segmentations are left out");
     boxes.lose(count(&|a| a.iscrowd.0), "boxes are crowds; that is left out");
-    boxes.lose(if file.categories.len() > 1 { file.categories.len() } else { 0 }, "categories are left out");
+    boxes.lose(
+        if names.len() > 1 { unnamed } else { 0 },
+        "boxes differ from the category of their target, or have no target",
+    );
     Ok(boxes)
 }
 
 pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
+    let labels: BTreeMap<i64, String> = boxes.ids().into_iter().map(|id| (id, boxes.label(id))).collect();
+    let mut categories: Vec<&String> = labels.values().collect();
+    categories.sort_unstable();
+    categories.dedup();
     let images =
         (1..=boxes.frames).map(|n| serde_json::json!({"id": n, "frame_id": n, "file_name": format!("{n:06}.jpg")}));
     let annotation = |(i, b): (usize, &TrackBox)| {
         let BBox { x, y, w, h } = b.bbox;
+        let category = 1 + categories.binary_search(&&labels[&b.id]).expect("every label is a category");
         let mut value = serde_json::json!({
-            "id": i + 1, "image_id": b.frame + 1, "category_id": 1, "bbox": [x, y, w, h], "area": w * h, "iscrowd": 0,
+            "id": i + 1, "image_id": b.frame + 1, "category_id": category, "bbox": [x, y, w, h], "area": w * h, "iscrowd": 0,
             "score": b.confidence,
         });
         if b.id >= 0 {
@@ -137,7 +158,7 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     let file = serde_json::json!({
         "images": images.collect::<Vec<_>>(),
         "annotations": boxes.tracks.iter().enumerate().map(annotation).collect::<Vec<_>>(),
-        "categories": [{"id": 1, "name": "object"}],
+        "categories": (1..).zip(&categories).map(|(id, name)| serde_json::json!({"id": id, "name": name})).collect::<Vec<_>>(),
     });
     boxes.lost.push("names (000001.jpg ...), widths and heights of the pictures are not known; fill them in".into());
     files::write(path, (file.to_string() + "\n").as_bytes())

@@ -1,8 +1,10 @@
 //! CVAT for video 1.1: one `track` per target, one `box` per frame; frames and pixels count from 0.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 
+use foveate::geometry::Size;
 use foveate::report::escape;
 use foveate::video::mot::TrackBox;
 use foveate::{BBox, Error, Result, files, memory};
@@ -41,41 +43,47 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     if root.has_tag_name("annotations") && root.children().any(|n| n.has_tag_name("image")) {
         return Err(wrong("it is CVAT for images; expected CVAT for video 1.1: export the task anew".into()));
     }
-    let mut boxes = Boxes::default();
+    let stated = |name: &str| document.descendants().find(|n| n.has_tag_name(name));
+    let whole = |n: Node<'_, '_>| n.text()?.trim().parse::<usize>().ok();
+    let frames = stated("size").and_then(whole).filter(|size| *size <= MOST);
+    let mut boxes = Boxes { frames: frames.unwrap_or(0), ..Boxes::default() };
+    boxes.size = stated("original_size").and_then(|size| {
+        let side = |name: &str| size.children().find(|n| n.has_tag_name(name)).and_then(whole).filter(|side| *side > 0);
+        Some(Size { width: side("width")?, height: side("height")? })
+    });
     let mut filled = 0;
     for track in root.children().filter(|n| n.has_tag_name("track")) {
         let id = number(&track, "id").map_err(wrong)? as i64;
         if let Some(label) = track.attribute("label") {
             boxes.labels.insert(id, label.to_owned());
         }
-        let (mut shapes, mut keys) = (KeyFrames::new(), KeyFrames::new());
+        let (mut shapes, mut keys, mut occluded) = (KeyFrames::new(), KeyFrames::new(), BTreeMap::new());
         for shape in track.children().filter(|n| n.has_tag_name("box")) {
             let frame = frame(&shape).map_err(wrong)?;
             let inside = shape.attribute("outside") != Some("1");
             let bbox = inside.then_some(corners(&shape).map_err(wrong)?);
             shapes.insert(frame, bbox);
+            occluded.insert(frame, shape.attribute("occluded") == Some("1"));
             if shape.attribute("keyframe") != Some("0") {
                 keys.insert(frame, bbox);
             }
         }
+        let before = boxes.tracks.len();
         filled += boxes.fill(path, id, &shapes)?;
+        let hidden = |b: &&TrackBox| occluded.range(..=b.frame).next_back().is_some_and(|(_, hidden)| *hidden);
+        boxes.occluded.extend(boxes.tracks[before..].iter().filter(hidden).map(|b| (b.frame, id)));
         boxes.keys.entry(id).or_default().extend(keys);
     }
     let count = |such: &dyn Fn(&Node<'_, '_>) -> bool| document.descendants().filter(|n| such(n)).count();
-    let sized =
-        document.descendants().find(|n| n.has_tag_name("size")).and_then(|n| n.text()?.trim().parse::<usize>().ok());
-    boxes.frames = boxes.frames.max(sized.filter(|size| *size <= MOST).unwrap_or(0));
     boxes.lose(filled, "boxes between key frames are interpolated");
-    boxes.lose(
-        count(&|n| n.has_tag_name("box") && n.attribute("occluded") == Some("1")),
-        "boxes are occluded; that is left out",
-    );
     let turned = |n: &Node<'_, '_>| n.attribute("rotation").is_some_and(|r| r.parse() != Ok(0.0));
     boxes.lose(count(&|n| n.has_tag_name("box") && turned(n)), "boxes are rotated; they are taken upright");
     let shape = |n: &Node<'_, '_>| {
         ["polygon", "polyline", "points", "ellipse", "mask", "cuboid", "skeleton"].iter().any(|s| n.has_tag_name(*s))
     };
     boxes.lose(count(&shape), "shapes other than boxes are left out");
+    let described = |n: &Node<'_, '_>| n.has_tag_name("attribute") && n.parent().is_some_and(|p| p.has_tag_name("box"));
+    boxes.lose(count(&described), "attributes of boxes are left out");
     Ok(boxes)
 }
 
@@ -106,19 +114,29 @@ fn corners(node: &Node<'_, '_>) -> std::result::Result<BBox, String> {
 pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     boxes.lose_confidence();
     boxes.check_ids("CVAT for video")?;
+    let labels: BTreeMap<i64, String> = boxes.ids().into_iter().map(|id| (id, escape(&boxes.label(id)))).collect();
     let mut xml = format!(
-        "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<annotations>\n  <version>1.1</version>\n  <meta><task><size>{}</size></task></meta>\n",
+        "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<annotations>\n  <version>1.1</version>\n  <meta><task>\n    <size>{}</size>\n    \
+         <mode>interpolation</mode>\n    <labels>\n",
         boxes.frames
     );
-    for id in boxes.ids() {
-        let label = escape(&boxes.label(id));
+    for name in labels.values().collect::<BTreeSet<_>>() {
+        let _ = writeln!(xml, "      <label><name>{name}</name><attributes></attributes></label>");
+    }
+    xml.push_str("    </labels>\n");
+    if let Some(Size { width, height }) = boxes.size {
+        let _ = writeln!(xml, "    <original_size><width>{width}</width><height>{height}</height></original_size>");
+    }
+    xml.push_str("  </task></meta>\n");
+    for (id, label) in labels {
         let own: Vec<&TrackBox> = boxes.tracks.iter().filter(|b| b.id == id).collect();
         let _ = writeln!(xml, "  <track id=\"{id}\" label=\"{label}\" source=\"auto\">");
         for (i, b) in own.iter().enumerate() {
-            shape(&mut xml, b.frame, &b.bbox, false);
+            let hidden = boxes.occluded.contains(&(b.frame, id));
+            shape(&mut xml, b.frame, &b.bbox, false, hidden);
             let next = own.get(i + 1).map_or(boxes.frames, |next| next.frame);
             if next > b.frame + 1 {
-                shape(&mut xml, b.frame + 1, &b.bbox, true);
+                shape(&mut xml, b.frame + 1, &b.bbox, true, hidden);
             }
         }
         xml.push_str("  </track>\n");
@@ -127,11 +145,11 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     files::write(path, xml.as_bytes())
 }
 
-fn shape(xml: &mut String, frame: usize, b: &BBox, outside: bool) {
-    let (right, bottom, outside) = (b.x + b.w, b.y + b.h, u8::from(outside));
+fn shape(xml: &mut String, frame: usize, b: &BBox, outside: bool, occluded: bool) {
+    let (right, bottom, outside, occluded) = (b.x + b.w, b.y + b.h, u8::from(outside), u8::from(occluded));
     let _ = writeln!(
         xml,
-        "    <box frame=\"{frame}\" outside=\"{outside}\" occluded=\"0\" keyframe=\"1\" xtl=\"{}\" ytl=\"{}\" xbr=\"{right}\" \
+        "    <box frame=\"{frame}\" outside=\"{outside}\" occluded=\"{occluded}\" keyframe=\"1\" xtl=\"{}\" ytl=\"{}\" xbr=\"{right}\" \
          ybr=\"{bottom}\" z_order=\"0\"/>",
         b.x, b.y
     );

@@ -1,5 +1,6 @@
 //! Label Studio's JSON of a video: one `videorectangle` per target; frames count from 1, boxes are in per cent of the picture.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use foveate::geometry::Size;
@@ -12,6 +13,10 @@ use super::{Boxes, KeyFrames, MOST};
 
 /// Estimated bytes of memory per byte of the file.
 const PARSED: u64 = 8;
+/// What the name of a written region begins with; its id follows.
+const REGION: &str = "target-";
+/// Label Studio's default for frames per second.
+const RATE: f64 = 24.0;
 
 #[derive(Deserialize)]
 struct Task {
@@ -36,6 +41,8 @@ struct Annotation {
 
 #[derive(Deserialize)]
 struct Region {
+    #[serde(default)]
+    id: serde_json::Value,
     #[serde(rename = "type")]
     kind: String,
     #[serde(default)]
@@ -74,10 +81,16 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
     memory::check(format_args!("{}: JSON of {} bytes", path.display(), text.len()), PARSED * text.len() as u64)?;
     let tasks: Vec<Task> = serde_json::from_slice(&text)
         .map_err(|e| Error::malformed(path, format!("expected a list of Label Studio's tasks: {e}")))?;
-    let regions: Vec<&Region> = tasks.iter().flat_map(Task::drawn).flat_map(|a| &a.result).collect();
-    let (mut boxes, mut filled, mut turned, mut id) = (Boxes::default(), 0, 0, 0);
-    for region in regions.iter().filter(|region| region.kind == "videorectangle") {
-        id += 1;
+    let drawn: Vec<&Annotation> = tasks.iter().flat_map(Task::drawn).collect();
+    if drawn.len() > 1 {
+        let problem =
+            format!("it has {} annotations; expected one: export one task, and delete other annotations", drawn.len());
+        return Err(Error::malformed(path, problem));
+    }
+    let (tracks, other): (Vec<&Region>, Vec<&Region>) =
+        drawn.iter().flat_map(|a| &a.result).partition(|region| region.kind == "videorectangle");
+    let (mut boxes, mut filled, mut turned) = (Boxes::default(), 0, 0);
+    for (id, region) in ids(&tracks).into_iter().zip(&tracks) {
         let mut keys = KeyFrames::new();
         for key in &region.value.sequence {
             let wrong = |problem: &str| Error::malformed(path, format!("region {id}, frame {}: {problem}", key.frame));
@@ -95,8 +108,8 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
                 keys.insert(key.frame, None);
             }
         }
-        filled += boxes.fill(path, id, &keys)?;
         boxes.frames = boxes.frames.max(region.value.frames_count.min(MOST));
+        filled += boxes.fill(path, id, &keys)?;
         if let Some(label) = region.value.labels.first() {
             boxes.labels.insert(id, label.clone());
         }
@@ -104,8 +117,16 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
     }
     boxes.lose(filled, "boxes between key frames are interpolated");
     boxes.lose(turned, "boxes are rotated; they are taken upright");
-    boxes.lose(regions.iter().filter(|region| region.kind != "videorectangle").count(), "other regions are left out");
+    boxes.lose(other.len(), "other regions are left out");
     Ok(boxes)
+}
+
+/// The ids that [`write`] gave to the regions or, if a region has none or two have the same, 1, 2, ...
+fn ids(regions: &[&Region]) -> Vec<i64> {
+    let own = |region: &&Region| region.id.as_str()?.strip_prefix(REGION)?.parse().ok().filter(|id: &i64| *id >= 0);
+    let ids: Vec<i64> = regions.iter().filter_map(own).collect();
+    let all = ids.len() == regions.len() && ids.iter().collect::<BTreeSet<_>>().len() == ids.len();
+    if all { ids } else { (1..).take(regions.len()).collect() }
 }
 
 fn sized(path: &Path, size: Option<Size>) -> Result<Size> {
@@ -119,6 +140,7 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     boxes.check_ids("Label Studio's format")?;
     boxes.lose_confidence();
     let Size { width, height } = sized(path, boxes.size)?;
+    let rate = boxes.rate.unwrap_or(RATE);
     let mut regions = vec![];
     for id in boxes.ids() {
         let own: Vec<&TrackBox> = boxes.tracks.iter().filter(|b| b.id == id).collect();
@@ -128,13 +150,18 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
             let [x, w] = [x, w].map(|value| 100.0 * value / width as f64);
             let [y, h] = [y, h].map(|value| 100.0 * value / height as f64);
             let enabled = followed(i);
-            json!({"frame": b.frame + 1, "enabled": enabled, "rotation": 0, "x": x, "y": y, "width": w, "height": h})
+            let (frame, time) = (b.frame + 1, (b.frame + 1) as f64 / rate);
+            json!({
+                "frame": frame, "time": time, "enabled": enabled, "rotation": 0, "x": x, "y": y, "width": w, "height": h
+            })
         });
         let sequence: Vec<_> = sequence.collect();
         let label = boxes.label(id);
         regions.push(json!({
-            "id": format!("target-{id}"), "type": "videorectangle", "from_name": "box", "to_name": "video",
-            "value": {"framesCount": boxes.frames, "sequence": sequence, "labels": [label]},
+            "id": format!("{REGION}{id}"), "type": "videorectangle", "from_name": "box", "to_name": "video",
+            "value": {
+                "framesCount": boxes.frames, "duration": boxes.frames as f64 / rate, "sequence": sequence, "labels": [label]
+            },
         }));
     }
     let tasks = json!([{"data": {"video": ""}, "predictions": [{"result": regions}]}]);

@@ -1,6 +1,7 @@
 //! Tracks of DIVE and VIAME: one line per box, `id, video, frame, left, top, right, bottom, confidence, length, class, confidence`; frames
 //! and pixels count from 0.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -21,7 +22,7 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     let (mut boxes, mut more) = (Boxes::default(), 0);
     for (number, line) in lines() {
         let wrong = |problem: String| Error::malformed(path, format!("line {}: {problem}", number + 1));
-        let fields: Vec<&str> = line.split(',').map(|field| field.trim().trim_matches('"')).collect();
+        let fields = split(line);
         if fields.len() < FIELDS {
             return Err(wrong(format!("expected at least {FIELDS} fields between commas, found {}", fields.len())));
         }
@@ -40,8 +41,8 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         }
         let bbox = BBox::from_corners(value(3)?, value(4)?, value(5)?, value(6)?);
         bbox.check().map_err(|e| wrong(e.to_string()))?;
-        if let Some(label) = fields.get(9).filter(|label| !label.is_empty() && !label.starts_with('(')) {
-            boxes.labels.entry(id).or_insert_with(|| (*label).to_owned());
+        if let Some(label) = label(&fields[FIELDS..]) {
+            boxes.labels.insert(id, label.to_owned());
         }
         more += usize::from(fields.len() > FIELDS + 2);
         boxes.frames = boxes.frames.max(frame + 1);
@@ -51,15 +52,41 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     Ok(boxes)
 }
 
+/// The fields of a line; those in quotes may contain commas.
+fn split(line: &str) -> Vec<String> {
+    let (mut fields, mut field, mut quoted) = (vec![], String::new(), false);
+    let mut characters = line.chars().peekable();
+    while let Some(c) = characters.next() {
+        match c {
+            '"' if quoted && characters.next_if_eq(&'"').is_some() => field.push('"'),
+            '"' => quoted = !quoted,
+            ',' if !quoted => fields.push(std::mem::take(&mut field).trim().to_owned()),
+            _ => field.push(c),
+        }
+    }
+    fields.push(field.trim().to_owned());
+    fields
+}
+
+/// The class with the highest confidence: pairs `class, confidence`, before any attributes, which begin with a parenthesis.
+fn label(pairs: &[String]) -> Option<&str> {
+    let classes = pairs.chunks(2).take_while(|pair| !pair[0].is_empty() && !pair[0].starts_with('('));
+    let sure = classes.map(|pair| (pair[0].as_str(), pair.get(1).and_then(|p| p.parse::<f64>().ok()).unwrap_or(0.0)));
+    sure.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(class, _)| class)
+}
+
 pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     boxes.check_ids("the format")?;
     let mut text = String::from(
         "# 1: track id, 2: image, 3: frame, 4 to 7: box (left, top, right, bottom), 8: confidence, 9: length, 10 and 11: class, confidence\n",
     );
-    let labels: Vec<(i64, String)> =
-        boxes.ids().into_iter().map(|id| (id, boxes.label(id).replace([',', '"'], " "))).collect();
+    let quoted = |label: String| {
+        let label = label.replace(['\n', '\r'], " ");
+        if label.contains([',', '"']) { format!("\"{}\"", label.replace('"', "\"\"")) } else { label }
+    };
+    let labels: BTreeMap<i64, String> = boxes.ids().into_iter().map(|id| (id, quoted(boxes.label(id)))).collect();
     for b in &boxes.tracks {
-        let label = &labels.iter().find(|(id, _)| *id == b.id).expect("every id has a label").1;
+        let label = &labels[&b.id];
         let (right, bottom) = (b.bbox.x + b.bbox.w, b.bbox.y + b.bbox.h);
         let (id, frame, confidence) = (b.id, b.frame, b.confidence);
         let _ = writeln!(
