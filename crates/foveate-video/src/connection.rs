@@ -2,6 +2,9 @@
 //!
 //! ffmpeg may open only the address itself: each scheme has its protocols and kinds of streams.
 
+mod clock;
+mod heard;
+
 use std::ffi::OsString;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -18,15 +21,15 @@ use crate::ffmpeg::{FORMATS, Pixels, Said, Stamp, TICKS, Task, missing, most_pix
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
 use crate::{Frame, LiveOptions, Remarks, SourceInfo};
+use clock::Clock;
 use foveate_base::{Error, Result, thread};
 use foveate_core::geometry::Size;
+use heard::Heard;
 
 /// The first pause before a stream is opened again, and the longest; each is twice the one before.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(4));
 /// The time stamp of a frame comes before its pixels.
 const PATIENCE: Duration = Duration::from_millis(200);
-/// Time stamps that lie further apart than this do not belong together.
-const GAP: f64 = 10.0;
 
 /// A stream that is opened again if it breaks off.
 pub(crate) struct Connection {
@@ -45,7 +48,9 @@ pub(crate) struct Connection {
     /// Whether time stamps are reliable.
     pub timed: bool,
     clock: Clock,
-    complaint: Arc<Mutex<Option<String>>>,
+    heard: Arc<Mutex<Heard>>,
+    /// Whether this ffmpeg gave a frame: what it logs before is no damage.
+    begun: bool,
     /// Reads the log of this ffmpeg.
     listener: Option<JoinHandle<()>>,
     stall: Duration,
@@ -82,32 +87,6 @@ impl Watch {
     }
 }
 
-/// The times of frames: by time stamps as long as they rise by little, else by the clock.
-#[derive(Default)]
-struct Clock {
-    /// The time of the last frame, its time stamp, and when it was read.
-    last: Option<(f64, Option<f64>, Instant)>,
-}
-
-impl Clock {
-    fn time(&mut self, stamp: Option<f64>, now: Instant) -> f64 {
-        let time = self.last.map_or(0.0, |(time, before, read)| {
-            let step =
-                stamp.zip(before).map(|(stamp, before)| stamp - before).filter(|step| *step > 0.0 && *step <= GAP);
-            time + step.unwrap_or_else(|| now.duration_since(read).as_secs_f64())
-        });
-        self.last = Some((time, stamp, now));
-        time
-    }
-
-    /// The time stamps that follow have nothing to do with those before.
-    fn restart(&mut self) {
-        if let Some((_, stamp, _)) = &mut self.last {
-            *stamp = None;
-        }
-    }
-}
-
 impl Connection {
     /// Opens a stream and waits for its first frame. Reconnects if no frame arrives for `stall`.
     ///
@@ -137,7 +116,8 @@ impl Connection {
             times: None,
             timed: true,
             clock: Clock::default(),
-            complaint: Arc::default(),
+            heard: Arc::default(),
+            begun: false,
             listener: None,
             stall,
             watch: Watch { began: Instant::now(), due: Arc::default() },
@@ -185,7 +165,7 @@ impl Connection {
         if let Some(listener) = self.listener.take() {
             let _ = listener.join();
         }
-        let reason = self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let reason = self.heard.lock().unwrap_or_else(PoisonError::into_inner).complaint.take();
         // It may repeat the address.
         let reason = reason.map(|text| text.replace(&*self.address.to_string_lossy(), &self.shown.to_string_lossy()));
         reason.unwrap_or_else(|| "no reason".into())
@@ -212,12 +192,11 @@ impl Connection {
         let errors = child.stderr.take().expect("it was asked for a pipe");
         let times = line.reader().map_err(|error| format!("a pipe to ffmpeg cannot be made ({error})"))?;
         self.leash.hold_with(child, line);
-        let complaint = self.complaint.clone();
-        self.listener = Some(listen(errors, move |line| {
-            if let Some((_, text)) = line.split_once("[error] ").or_else(|| line.split_once("[fatal] ")) {
-                complaint.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text.trim().to_owned());
-            }
-        })?);
+        self.heard.lock().unwrap_or_else(PoisonError::into_inner).restart();
+        self.begun = false;
+        let heard = self.heard.clone();
+        self.listener =
+            Some(listen(errors, move |line| heard.lock().unwrap_or_else(PoisonError::into_inner).hear(&line))?);
         self.times = Some(read_times(times, Arc::<Mutex<Said>>::default())?);
         self.clock.restart();
         self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
@@ -240,7 +219,12 @@ impl Connection {
             // Those that come late would belong to other frames.
             self.times = None;
         }
-        let time = self.clock.time(stamp.filter(|_| self.timed).map(|stamp| stamp.time), Instant::now());
+        let (time, jumped) = self.clock.time(stamp.filter(|_| self.timed).map(|stamp| stamp.time), Instant::now());
+        if jumped {
+            self.remarks.add_jump(self.next + 1);
+        }
+        self.heard.lock().unwrap_or_else(PoisonError::into_inner).report(self.next + 1, self.begun, &self.remarks);
+        self.begun = true;
         Some(Frame { index: self.next, time, image })
     }
 
@@ -258,10 +242,11 @@ impl Connection {
             return Ok(None);
         }
         let end = if whole { "ended" } else { "broke off" };
+        let why = if whole { String::new() } else { format!(" ({reason})") };
         let todo = if listen { "waiting for another sender" } else { "opening it again" };
         if !patience.is_zero() {
             self.notify(&format!(
-                "the stream {end} after frame {frames}; {todo}, for {} s at most",
+                "the stream {end} after frame {frames}{why}; {todo}, for {} s at most",
                 patience.as_secs()
             ));
         }
@@ -350,7 +335,7 @@ fn arguments(scheme: &Scheme, address: &Path, listen: bool, size: Size) -> Vec<O
     let input = scheme.input(address);
     // Decoding several frames at a time would hold back as many.
     let mut options =
-        vec!["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+warning", "-thread_type", "slice"];
+        vec!["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+verbose", "-thread_type", "slice"];
     options.extend(scheme.listen.filter(|_| listen).unwrap_or_default());
     let most = most_pixels();
     options.extend(["-max_pixels", &most]);

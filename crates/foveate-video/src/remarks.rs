@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use foveate_base::text::counted;
 use foveate_core::geometry::Size;
 
 /// The findings so far in a source. Clones share them, and they keep growing after the source was handed over.
@@ -13,13 +14,21 @@ pub struct Remarks(Arc<Mutex<Found>>);
 struct Found {
     /// Stored and displayed size, if pixels are not square.
     sides: Option<[Size; 2]>,
-    /// Damaged frames, counted from 1, and the decoder's report of the first.
+    /// The last damaged frames, counted from 1, the number of those before, and the first of all with the decoder's report.
     damaged: BTreeSet<usize>,
+    damaged_before: u64,
+    first_damaged: Option<usize>,
     report: String,
     /// Number of frames with a time stamp that does not rise, and the first of them.
     untimed: u64,
     first_untimed: usize,
+    /// How often the time stamps of a stream jumped and its size changed, and the first frame of each.
+    jumps: (u64, usize),
+    resized: (u64, usize),
 }
+
+/// So many damaged frames are kept, for a stream may have no end.
+const KEPT: usize = 1000;
 
 impl Remarks {
     fn found(&self) -> MutexGuard<'_, Found> {
@@ -29,7 +38,8 @@ impl Remarks {
     /// Frames in which the decoder reported damage so far. What ffmpeg reports is assigned to the frame that it gave last, so that
     /// the number may be off by one or two.
     pub fn damaged(&self) -> u64 {
-        self.found().damaged.len() as u64
+        let found = self.found();
+        found.damaged_before + found.damaged.len() as u64
     }
 
     /// Where the stored pixels are not square: in which pixels the pictures are, and how to convert. Known from the first frame on.
@@ -46,19 +56,30 @@ impl Remarks {
 
     /// A sentence or two for each kind of fault found so far.
     pub fn sentences(&self) -> Vec<String> {
-        let (found, mut all) = (self.found(), vec![]);
-        if let Some(first) = found.damaged.first() {
-            let (n, report) = (found.damaged.len(), &found.report);
-            let frames = if n == 1 { "1 frame".to_owned() } else { format!("{n} frames") };
+        let (n, found, mut all) = (self.damaged(), self.found(), vec![]);
+        if let Some(first) = found.first_damaged {
+            let (report, frames) = (&found.report, counted(n as usize, "frame"));
             all.push(format!(
                 "The video is damaged: the decoder reports errors in {frames}, first near frame {first} ({report}). \
-                 Pictures and boxes there and shortly after are unreliable; copy the file again."
+                 Pictures and boxes there and shortly after are unreliable; copy a file again, or check the network of a stream."
             ));
         }
         if found.untimed > 0 {
             all.push(format!(
                 "The time stamps do not rise in {} of the frames, first in frame {}: there the time continues at the frame rate.",
                 found.untimed, found.first_untimed
+            ));
+        }
+        if let (n @ 1.., first) = found.resized {
+            let times = counted(n as usize, "time");
+            all.push(format!(
+                "The size of the pictures changed {times}, first near frame {first}: all are scaled to the first size."
+            ));
+        }
+        if let (n @ 1.., first) = found.jumps {
+            let times = counted(n as usize, "time");
+            all.push(format!(
+                "The time stamps jumped {times}, first in frame {first}: there, and until they rise again, the clock gives the time."
             ));
         }
         all
@@ -80,9 +101,24 @@ impl Remarks {
     /// The decoder reported damage in a frame, counted from 1; a frame counts once.
     pub(crate) fn add_damage(&self, frame: usize, report: &str) {
         let mut found = self.found();
-        if found.damaged.insert(frame) && found.damaged.first() == Some(&frame) {
+        if found.damaged.insert(frame) && found.first_damaged.is_none_or(|first| frame < first) {
+            found.first_damaged = Some(frame);
             report.clone_into(&mut found.report);
         }
+        if found.damaged.len() > KEPT {
+            found.damaged.pop_first();
+            found.damaged_before += 1;
+        }
+    }
+
+    /// The time stamp of a frame of a stream, counted from 1, jumped.
+    pub(crate) fn add_jump(&self, frame: usize) {
+        add(&mut self.found().jumps, frame, 1);
+    }
+
+    /// The size of the pictures of a stream changed `times` times before a frame, counted from 1.
+    pub(crate) fn add_resized(&self, frame: usize, times: u64) {
+        add(&mut self.found().resized, frame, times);
     }
 
     /// The time stamp of a frame, counted from 1, does not rise.
@@ -93,6 +129,13 @@ impl Remarks {
         }
         found.untimed += 1;
     }
+}
+
+fn add((count, first): &mut (u64, usize), frame: usize, times: u64) {
+    if *count == 0 {
+        *first = frame;
+    }
+    *count += times;
 }
 
 #[cfg(test)]
@@ -116,5 +159,12 @@ mod tests {
         assert!(all[1].contains("frame 9"), "{all:?}");
         remarks.add_damage(2, "an earlier one");
         assert!(remarks.damaged() == 2 && remarks.sentences()[0].contains("2 frames, first near frame 2 (an earlier"));
+    }
+    #[test]
+    fn damage_without_end_takes_no_memory() {
+        let remarks = Remarks::default();
+        (1..=100_000).for_each(|frame| remarks.add_damage(frame, &format!("frame {frame}")));
+        assert_eq!((remarks.damaged(), remarks.found().damaged.len()), (100_000, KEPT));
+        assert!(remarks.sentences()[0].contains("100000 frames, first near frame 1 (frame 1)"));
     }
 }

@@ -21,20 +21,6 @@ fn listening_waits_for_a_sender() {
     }
 }
 
-#[test]
-fn times_follow_time_stamps_as_long_as_they_rise_by_little() {
-    let (mut clock, began) = (Clock::default(), Instant::now());
-    let mut at = |stamp, seconds| clock.time(stamp, began + Duration::from_secs(seconds));
-    // Frames that come at once keep the distance at which they were taken.
-    let times = [at(Some(100.0), 1), at(Some(100.5), 1), at(Some(101.0), 1)];
-    assert_eq!(times, [0.0, 0.5, 1.0]);
-    // A step back, a leap, a frame without one: by the clock.
-    assert_eq!([at(Some(3.0), 2), at(Some(300.0), 5), at(None, 6), at(Some(301.0), 8)], [2.0, 5.0, 6.0, 8.0]);
-    assert_eq!(at(Some(302.0), 9), 9.0);
-    clock.restart();
-    assert_eq!(clock.time(Some(303.0), began + Duration::from_secs(19)), 19.0);
-}
-
 #[cfg(unix)]
 #[test]
 fn time_stamps_are_those_of_the_stream() {
@@ -45,6 +31,35 @@ fn time_stamps_are_those_of_the_stream() {
     let live = Connection::open(Path::new("http://127.0.0.1:9/x"), options, Duration::from_secs(5)).expect("a stream");
     let times: Vec<f64> = live.map(|frame| frame.expect("a frame").time).collect();
     assert!(times.len() == 3 && times[0] == 0.0 && (times[1] - 0.2).abs() + (times[2] - 0.5).abs() < 1e-9, "{times:?}");
+}
+
+/// Damage before the first frame of a connection is that of a stream joined in the middle, and what comes after its last frame is its end.
+#[cfg(unix)]
+#[test]
+fn damage_sizes_and_jumps_of_a_stream_are_counted() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let stamp = |time: u32| format!("printf '0, 0, {time}, 1, 6, 0x0\\n' >&0\n");
+    let log = |text: &str| format!("echo '[x @ 0x1] {text}' >&2\nsleep 0.3\n");
+    let size = |side: u32| log(&format!("[verbose] w:{side} h:2 pixfmt:gray tb:1/10 fr:10/1 sar:1/1"));
+    let text = [
+        format!("{HEAD}printf '#tb 0: 1/10\\n' >&0\n{}{}", log("[error] no key frame"), size(2)),
+        format!("{}{FRAME}{}{FRAME}", stamp(1), stamp(2)),
+        format!("sleep 0.3\n{}{}{}{FRAME}", log("[error] overread 8"), log("[error] again"), stamp(3)),
+        format!("sleep 0.3\n{}{}{FRAME}{}{FRAME}", size(4), stamp(500), stamp(501)),
+        format!("sleep 0.3\n{}{}{FRAME}sleep 0.3\n{}exit 0", size(2), stamp(502), log("[error] Connection reset")),
+    ];
+    let options = LiveOptions { ffmpeg: crate::child::script(dir.path(), &text.concat()), ..LiveOptions::default() };
+    let live = Connection::open(Path::new("http://127.0.0.1:9/x"), options, Duration::from_secs(5)).expect("a stream");
+    let remarks = live.remarks.clone();
+    assert_eq!((live.inspect(|frame| assert!(frame.is_ok())).count(), remarks.damaged()), (6, 1));
+    let all = remarks.sentences().join(" ");
+    for part in [
+        "in 1 frame, first near frame 3 (overread 8)",
+        "changed 2 times, first near frame 4",
+        "jumped 1 time, first in frame 4",
+    ] {
+        assert!(all.contains(part), "{part}: {all}");
+    }
 }
 
 /// How a stream ends: its ffmpeg gives two frames and ends so the first time, and hangs or fails when it is started again.
@@ -101,6 +116,8 @@ fn the_end_of_a_stream_has_a_reason() {
     assert!(error.is_some_and(|error| error.contains("ended") && error.contains("Connection refused")));
     let (_, error, _) = end_of("exec sleep 100", "exit 1", false, 1);
     assert!(error.is_some_and(|error| error.contains("nothing came for 1 s")));
+    let (_, _, news) = end_of("exec sleep 100", "exit 1", false, 1);
+    assert!(news[0].contains("broke off after frame 2 (nothing came for 1 s)"), "{news:?}");
     assert!(began.elapsed() < Duration::from_secs(20), "{:?}", began.elapsed());
 }
 
