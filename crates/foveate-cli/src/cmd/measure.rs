@@ -123,29 +123,34 @@ fn named(names: Vec<String>, count: usize) -> Result<Vec<String>> {
 
 type Parsed<T> = std::result::Result<T, String>;
 
-/// Parses finite numbers between commas.
+/// The largest number of an option, and the reciprocal of the smallest rate or length: results of larger ones overflow.
+const LARGEST: f64 = 1e12;
+
+/// Parses numbers between commas.
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let numbers: Option<Vec<f64>> =
-        text.split(',').map(|n| n.trim().parse().ok().filter(|n: &f64| n.is_finite())).collect();
+        text.split(',').map(|n| n.trim().parse().ok().filter(|n: &f64| n.abs() <= LARGEST)).collect();
     numbers?.try_into().ok()
 }
 
 fn parse_point(text: &str) -> Parsed<(f64, f64)> {
-    let [x, y] = numbers(text).ok_or_else(|| format!("expected two numbers x,y such as 120,80, got \"{text}\""))?;
+    let [x, y] = numbers(text)
+        .ok_or_else(|| format!("expected two numbers x,y such as 120,80 and at most 1e12, got \"{text}\""))?;
     Ok((x - 1.0, y - 1.0))
 }
 
 fn parse_angle(text: &str) -> Parsed<f64> {
-    let [angle] = numbers(text).ok_or_else(|| format!("expected degrees such as -12.5, got \"{text}\""))?;
+    let [angle] =
+        numbers(text).ok_or_else(|| format!("expected degrees such as -12.5 and at most 1e12, got \"{text}\""))?;
     Ok(angle)
 }
 
-/// Parses a value above 0 with its standard error: `1.0`, `1.0+-0.1` or `1.0±0.1`.
+/// Parses a value of 1e-12 to 1e12 with its standard error: `1.0`, `1.0+-0.1` or `1.0±0.1`.
 fn value_with_error(text: &str) -> Option<(f64, f64)> {
     let (value, error) = text.split_once("+-").or_else(|| text.split_once('±')).unwrap_or((text, "0"));
     let [value] = numbers(value)?;
     let [error] = numbers(error)?;
-    (value > 0.0 && error >= 0.0).then_some((value, error))
+    (value >= 1.0 / LARGEST && error >= 0.0).then_some((value, error))
 }
 
 fn parse_ruler(text: &str) -> Parsed<Ruler> {
@@ -161,12 +166,16 @@ fn parse_ruler(text: &str) -> Parsed<Ruler> {
         let ruler = Ruler { ends, length: length * metres, error: error * metres };
         ruler.scale().map(|_| ruler)
     };
-    let wrong = || format!("expected two points and a length such as 100,60,100,460=1.000+-0.002m, got \"{text}\"");
+    let wrong = || {
+        format!(
+            "expected two points and a length such as 100,60,100,460=1.000+-0.002m and at most 1e12, got \"{text}\""
+        )
+    };
     parsed().ok_or_else(wrong)
 }
 
 fn parse_clock(text: &str) -> Parsed<Clock> {
-    let wrong = || format!("expected frames per second such as 240 or 240+-0.5, got \"{text}\"");
+    let wrong = || format!("expected frames per second such as 240 or 240+-0.5 and at most 1e12, got \"{text}\"");
     value_with_error(text).map(|(rate, error)| Clock { rate, error }).ok_or_else(wrong)
 }
 
@@ -185,6 +194,12 @@ mod tests {
         for wrong in ["1,1,1,1=1m", "1,2,3=1m", "1,2,3,4", "1,2,3,4=-1m", "1,2,3,4=1lightyear"] {
             assert!(parse_ruler(wrong).is_err(), "{wrong}");
         }
+        for large in ["1e13", "nan", "-inf"] {
+            let ruler = parse_ruler(&format!("1,2,3,4={large}"));
+            assert!(parse_clock(large).is_err() && parse_angle(large).is_err() && ruler.is_err(), "{large}");
+            assert!(parse_point(&format!("1,{large}")).is_err(), "{large}");
+        }
+        assert!(parse_clock("1e-13").is_err() && parse_clock("1e-12").is_ok());
         assert!(parse_clock("0").is_err() && parse_clock("30+-x").is_err() && parse_point("1").is_err());
     }
 }
