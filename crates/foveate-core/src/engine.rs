@@ -30,13 +30,14 @@ pub use monitor::Monitor;
 pub(crate) use visibility::Claim;
 
 use distractors::Distractors;
-use extras::{CONFIDENT, Extras};
+use extras::Extras;
+use monitor::OtherEvidence;
 use particles::Particles;
 pub(crate) use target::{Estimate, Target};
 use view::{Looks, Scratch, View};
 use visibility::Visibility;
 
-use crate::control::{FrameEvidence, Leap, TrackConfidence};
+use crate::control::{Leap, TrackConfidence};
 use crate::gaze::{Context, Plan};
 use crate::geometry::{BBox, Extent, State};
 use crate::identity::box_regression::BoxRegression;
@@ -154,20 +155,12 @@ impl Engine {
     /// # Errors
     /// If a sensor cannot read its source. The caller must then set the target again.
     pub(crate) fn step<'a>(&'a mut self, world: World<'a, '_>, mut second: Option<&mut Self>) -> Result<Seen<'a>> {
-        if let World::Picture(scene) = &world {
-            self.shrink_first_box(scene.image, second.as_deref_mut());
-        }
-        let (t, target, streams, mut last) = self.begin();
+        let (t, target, streams, mut last) = self.begin(&world, second.as_deref_mut());
         let Self { parts, context, visibility, .. } = self;
         let Parts { filter, gaze, appearance, monitor, extras, .. } = parts;
         // Importance sampling
-        let mut belief = filter.predict(world.scene(), target.extent, (streams, t), last.belief); // x̃ ~ q, log wₜ₋₁ p/q
-        if context.lost
-            && !filter.uses_detections()
-            && let Some(seen) = monitor.loss.seen()
-        {
-            belief.hold_size(seen);
-        }
+        let held = monitor.held_size(context);
+        let mut belief = filter.predict(world.scene(), target.extent, held, (streams, t), last.belief); // x̃ ~ q, log wₜ₋₁ p/q
         let plan = gaze.plan(context, streams.at(t, Look), last.plan); // k* ~ πₜ
         let (scene, values) = world.read(&belief.expected, target.extent, plan.gazes())?; // vₜ
         let mut view = View::new(&mut **appearance, scene, target, visibility, &belief.expected, &mut last.scratch);
@@ -184,23 +177,19 @@ impl Engine {
         let found = monitor.search(&mut view, &estimate.mean, found);
         let agreement = second::agreement(second.as_deref_mut(), &view, &estimate);
         let answer = extras.ask(&view, &estimate, monitor.model(), context.lost);
-        let evidence = monitor.evidence(&mut view, &belief, &looks, &estimate, (&percept, &found));
-        let evidence =
-            FrameEvidence { agreement, absent: answer.map(|it| it.lost.into()), alarm: extras.alarm(), ..evidence };
-        let verdict = monitor.judge(view.is_judged, &evidence);
-        let misled = monitor.revise(&mut view, &verdict, &estimate, (context.lost, t));
-        *context = monitor.context(&evidence, &belief, &estimate);
-        second::follow(second.as_deref_mut(), &view, &estimate, &verdict, (context.lost, misled));
+        let others = OtherEvidence { agreement, absent: answer.map(|it| it.lost.into()), alarm: extras.alarm() };
+        let evidence = monitor.evidence(&mut view, &belief, &looks, &estimate, (&percept, &found), others);
+        let verdict = monitor.judge(view.is_judged, &evidence, (context.lost, t));
+        *context = verdict.context(&evidence, &belief, &estimate);
+        let found = monitor.learn(&mut view, &belief, &estimate.mean, found, (&verdict, t));
         extras.recognise(&view, &estimate, context, streams.at(t, Recognize));
-        let found = monitor.learn(&mut view, &belief, &estimate.mean, found, t);
         // Selection
         let ancestors = filter.select(&belief, &estimate, streams.at(t, Select), last.ancestors);
         // Report
-        let estimate = extras.regress(&view, estimate, answer);
-        let [size, shape] = extras.follow(!context.lost && verdict.p_lost < CONFIDENT);
-        filter.reshape(size, shape);
-        second::reshape(second.as_deref_mut(), shape);
-        let reported = Some((estimate, verdict));
+        let (reported, change) = extras.regress(&view, &estimate, answer, verdict.is_confident());
+        filter.reshape(change);
+        second::follow(second.as_deref_mut(), &view, &estimate, &verdict, change);
+        let reported = Some((reported, verdict.confidence));
         self.record =
             Record { belief, plan, looks, gaze_evidence, rewards, found, percept, ancestors, reported, ..last };
         Ok(self.finish(scene, values, second.as_deref()))
@@ -211,9 +200,12 @@ impl Engine {
         self.step(World::Picture(scene), None).expect("a picture in memory can be read")
     }
 
-    /// Starts a frame. Returns its number, the target, the random streams, and the results of the last frame, whose buffers are used
-    /// again.
-    fn begin(&mut self) -> (u64, Target, Streams, Record) {
+    /// Starts a frame: shrinks a first box that is too large. Returns the number of the frame, the target, the random streams, and the
+    /// results of the last frame, whose buffers are used again.
+    fn begin(&mut self, world: &World<'_, '_>, second: Option<&mut Self>) -> (u64, Target, Streams, Record) {
+        if let World::Picture(scene) = world {
+            self.shrink_first_box(scene.image, second);
+        }
         self.frame += 1;
         let mut last = std::mem::take(&mut self.record);
         // Drops the reads since the last step, which were for observers and similarities.

@@ -224,6 +224,15 @@ fn files_are_small() {
     }
 }
 
+#[test]
+fn the_loop_fits_on_a_screen() {
+    let engine = std::fs::read_to_string(folder("core").join("src/engine.rs")).expect("a source");
+    let (_, step) = engine.split_once("    pub(crate) fn step<").expect("the engine has a step");
+    let (step, _) = step.split_once("\n    }\n").expect("the step ends");
+    let lines = step.lines().count() + 1;
+    assert!(lines <= 45, "Engine::step has {lines} lines: see ARCHITECTURE.md, I12");
+}
+
 /// The file of a path after `crate::`: the longest prefix that is a file, following `pub use` of its modules.
 fn defines<'a>(names: &'a BTreeMap<String, String>, path: &[String]) -> Option<&'a str> {
     (1..=path.len()).rev().find_map(|n| names.get(&path[..n].join("::"))).map(String::as_str)

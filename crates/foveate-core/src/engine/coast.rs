@@ -35,7 +35,7 @@ impl Engine {
             return filter.wait(&leap);
         }
         let Record { belief, ancestors, .. } = &mut self.record;
-        *belief = filter.predict(scene, extent, (self.streams, t), std::mem::take(belief));
+        *belief = filter.predict(scene, extent, None, (self.streams, t), std::mem::take(belief));
         belief.weigh_without_looks();
         let estimate = belief.estimate();
         *ancestors = filter.select(belief, &estimate, self.streams.at(t, Select), std::mem::take(ancestors));

@@ -10,9 +10,6 @@ use crate::recognition::Recognition;
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
 
-/// P(lost) below which the particles follow the box regression.
-pub(super) const CONFIDENT: f64 = 0.3;
-
 /// The recogniser and the box regression of a tracker, and the rule for its first box; all are optional.
 #[derive(Debug, Default)]
 pub(super) struct Extras {
@@ -49,16 +46,24 @@ impl Extras {
     }
 
     /// Returns the estimate as reported, with the expected errors of size and shape by the box regression in its covariance: a sample that
-    /// agrees is no certainty. `answer` is the answer of the box regression if this frame has computed it already.
-    pub(super) fn regress(&mut self, view: &View<'_>, estimate: Estimate, answer: Option<Answer>) -> Estimate {
-        let Some(boxes) = &mut self.box_regression else { return estimate };
+    /// agrees is no certainty; and the change of log size and log of width / height that the particles take after this frame, none if it
+    /// is not `confident`. `answer` is the answer of the box regression if this frame has computed it already.
+    pub(super) fn regress(
+        &mut self,
+        view: &View<'_>,
+        estimate: &Estimate,
+        answer: Option<Answer>,
+        confident: bool,
+    ) -> (Estimate, [f64; 2]) {
+        let Some(boxes) = &mut self.box_regression else { return (*estimate, [0.0; 2]) };
         let mean = boxes.moved(view.scene.image, &estimate.mean, view.target.extent, answer);
         let ([.., log_scale, log_aspect], mut covariance) = (boxes.errors(), estimate.covariance);
         // In the order of `State::to_array`.
         for (k, error) in [(4, log_scale), (6, log_aspect)] {
             covariance[k][k] += error * error;
         }
-        Estimate { mean, covariance, ..estimate }
+        let change = confident.then(|| boxes.follow()).flatten().unwrap_or_default();
+        (Estimate { mean, covariance, ..*estimate }, change)
     }
 
     /// Returns the inputs of the error of a reported place.
@@ -72,12 +77,6 @@ impl Extras {
             unit: extent.mean() * estimate.mean.log_scale.exp(),
             moved: estimate.moved,
         }
-    }
-
-    /// Returns the change of log size and log of width / height that the particles take after this frame; none if it is not confident.
-    pub(super) fn follow(&mut self, confident: bool) -> [f64; 2] {
-        let regression = self.box_regression.as_mut().filter(|_| confident);
-        regression.and_then(BoxRegression::follow).unwrap_or_default()
     }
 
     /// Classifies the target from another look at the estimate.

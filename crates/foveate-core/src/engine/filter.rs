@@ -143,12 +143,13 @@ impl Filter {
 }
 
 impl Filter {
-    /// Draws x̃ ~ q(x | x′) and computes log wₜ₋₁ p/q with the detection likelihood: the log weights of frame `t` before the looks. The
-    /// buffers of `reuse` are used again.
+    /// Draws x̃ ~ q(x | x′) and computes log wₜ₋₁ p/q with the detection likelihood: the log weights of frame `t` before the looks. If
+    /// nothing detects the target, its sizes stay near that of `held`. The buffers of `reuse` are used again.
     pub(super) fn predict(
         &mut self,
         scene: Scene<'_>,
         extent: Extent,
+        held: Option<&State>,
         (streams, t): (Streams, u64),
         reuse: Particles,
     ) -> Particles {
@@ -175,6 +176,9 @@ impl Filter {
         let weigh = |it: &DetectionLikelihood| it.weigh(scene.detections, &to.states, extent, &mut to.log_importance);
         to.detection_offset = self.detection_likelihood.as_ref().map_or(0.0, weigh);
         to.expected = mean(&to.states);
+        if let Some(held) = held.filter(|_| !self.uses_detections()) {
+            to.hold_size(held);
+        }
         to
     }
 
@@ -201,7 +205,7 @@ impl Filter {
     }
 
     /// Changes the size and the shape of all particles.
-    pub(super) fn reshape(&mut self, log_scale: f64, log_aspect: f64) {
+    pub(super) fn reshape(&mut self, [log_scale, log_aspect]: [f64; 2]) {
         for particle in &mut self.state.particles {
             particle.log_scale += log_scale;
             particle.log_aspect = (particle.log_aspect + log_aspect).clamp(-MOST_ASPECT, MOST_ASPECT);
@@ -264,7 +268,7 @@ mod tests {
             filter.dropped = n - 1;
             let (scene, extent) = (Scene { image: &image, detections: &[] }, Extent { half_w: 1.0, half_h: 1.0 });
             let streams = Streams::new(7, 0);
-            let seen = filter.predict(scene, extent, (streams, 1), Particles::default());
+            let seen = filter.predict(scene, extent, None, (streams, 1), Particles::default());
             let mean = seen.states.iter().map(|s| s.x).sum::<f64>() / MANY as f64;
             let variance = seen.states.iter().map(|s| (s.x - mean).powi(2)).sum::<f64>() / MANY as f64;
             let squares = (1..=n).map(|k| (k * k) as f64).sum::<f64>();

@@ -16,6 +16,8 @@ use crate::identity::{Lesson, Memory, Percept};
 /// P(lost) below which a frame is confident, and the number of frames from one remembered frame to the next.
 const CERTAIN: f64 = 0.05;
 const REMEMBERED_EVERY: u64 = 8;
+/// Reported P(lost) below which the particles follow the box regression.
+const CONFIDENT: f64 = 0.3;
 
 /// Monitors the evidence and computes P(lost) from it.
 #[derive(Debug)]
@@ -28,6 +30,44 @@ pub struct Monitor {
     pub(super) distractors: Option<DistractorSearch>,
     /// Remembers the places around the target in confident frames; `None` to remember nothing.
     pub(super) surroundings: Option<Surroundings>,
+}
+
+/// The cues of other models than the appearance: see [`FrameEvidence`].
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct OtherEvidence {
+    pub agreement: Option<f64>,
+    pub absent: Option<f64>,
+    pub alarm: f64,
+}
+
+/// The verdict on a frame.
+#[derive(Debug, Default)]
+pub(super) struct Verdict {
+    pub confidence: TrackConfidence,
+    /// Whether the tracker searches for the target from now on.
+    pub is_searching: bool,
+    /// Whether the tracker was on another object: it has just lost the target, and everything learned since frame 1 is reset.
+    pub is_misled: bool,
+    /// How the models may learn the frame; `None` for no update.
+    pub lesson: Option<Lesson>,
+}
+
+impl Verdict {
+    /// Returns whether the particles may follow the box regression.
+    pub(super) fn is_confident(&self) -> bool {
+        !self.is_searching && self.confidence.p_lost < CONFIDENT
+    }
+
+    /// Returns the context in which the policy plans the next frame.
+    pub(super) fn context(&self, evidence: &FrameEvidence, belief: &Particles, estimate: &Estimate) -> Context {
+        Context {
+            ess: estimate.ess / belief.states.len() as f64,
+            deficit: evidence.consistency.deficit.max(evidence.alarm),
+            frame_deficit: evidence.consistency.frame_deficit,
+            spread: evidence.spread,
+            lost: self.is_searching,
+        }
+    }
 }
 
 impl Monitor {
@@ -69,6 +109,11 @@ impl Monitor {
         self.consistency.reset();
     }
 
+    /// Returns the target in the last confident frame if it is lost: its size does not change during a search.
+    pub(super) fn held_size(&self, context: &Context) -> Option<&State> {
+        self.loss.seen().filter(|_| context.lost)
+    }
+
     /// Returns whether the first of two places looks more like the surroundings of the target in remembered frames than the second does.
     pub(super) fn was_beside(&mut self, view: &mut View<'_>, places: [State; 2]) -> bool {
         let Some(surroundings) = &mut self.surroundings else { return false };
@@ -78,8 +123,7 @@ impl Monitor {
         surroundings.elsewhere(first) > surroundings.elsewhere(second)
     }
 
-    /// Returns the evidence at the estimate, without the cues of second tracker, box regression and classes. If the frame is not judged,
-    /// nothing is compared with past frames.
+    /// Returns the evidence at the estimate. If the frame is not judged, nothing is compared with past frames.
     pub(super) fn evidence(
         &mut self,
         view: &mut View<'_>,
@@ -87,6 +131,7 @@ impl Monitor {
         looks: &Looks,
         estimate: &Estimate,
         (percept, around): (&Percept, &Distractors),
+        OtherEvidence { agreement, absent, alarm }: OtherEvidence,
     ) -> FrameEvidence {
         let reference = view.target.reference;
         let unit = view.target.unit * estimate.mean.log_scale.exp();
@@ -107,11 +152,11 @@ impl Monitor {
             distance: percept.distance,
             colour: percept.colour,
             elsewhere,
-            agreement: None,
-            absent: None,
+            agreement,
+            absent,
             estimate: estimate.mean,
             unit,
-            alarm: 0.0,
+            alarm,
         }
     }
 
@@ -125,9 +170,15 @@ impl Monitor {
         surroundings.elsewhere(&view.scratch.features)
     }
 
-    /// Computes P(lost) and the status of a frame. If the frame is not judged, P(lost) does not change.
-    pub(super) fn judge(&mut self, is_judged: bool, evidence: &FrameEvidence) -> TrackConfidence {
-        if is_judged { self.loss.judge(evidence) } else { self.loss.hold() }
+    /// Computes P(lost) and the status of frame `t`, and what follows from them. If the frame is not judged, P(lost) does not change, and
+    /// nothing is learned.
+    pub(super) fn judge(&mut self, is_judged: bool, evidence: &FrameEvidence, (was_lost, t): (bool, u64)) -> Verdict {
+        let confidence = if is_judged { self.loss.judge(evidence) } else { self.loss.hold() };
+        let is_searching = self.loss.is_searching();
+        let is_misled = is_searching && !was_lost && self.loss.is_misled();
+        let learns = is_judged && self.consistency.learns(t, is_searching) && !self.loss.is_doubted();
+        let lesson = learns.then_some(Lesson { deficit: evidence.consistency.frame_deficit });
+        Verdict { confidence, is_searching, is_misled, lesson }
     }
 
     /// Resets the discriminant and the colour model to frame 1, and drops the surroundings of the target.
@@ -138,27 +189,6 @@ impl Monitor {
         if let Some(surroundings) = &mut self.surroundings {
             surroundings.clear();
         }
-    }
-
-    /// Resets appearance and surroundings after this verdict if needed, and remembers the surroundings of the target if frame `t` is due.
-    /// Returns whether the tracker was misled: it has just lost the target, and everything learned since frame 1 is reset.
-    pub(super) fn revise(
-        &mut self,
-        view: &mut View<'_>,
-        verdict: &TrackConfidence,
-        estimate: &Estimate,
-        (was_lost, t): (bool, u64),
-    ) -> bool {
-        let lost = self.loss.is_searching();
-        let misled = lost && !was_lost && self.loss.is_misled();
-        if misled {
-            // They were trained on another object.
-            self.forget_learned(view.appearance.memory());
-        }
-        if !lost && verdict.own < CERTAIN && view.is_judged && t.is_multiple_of(REMEMBERED_EVERY) {
-            self.remember(view, &estimate.mean);
-        }
-        misled
     }
 
     /// Remembers the places of the last search for distractors, with the target at `state`.
@@ -172,17 +202,6 @@ impl Monitor {
         }
     }
 
-    /// Returns the context in which the policy plans the next frame.
-    pub(super) fn context(&self, evidence: &FrameEvidence, belief: &Particles, estimate: &Estimate) -> Context {
-        Context {
-            ess: estimate.ess / belief.states.len() as f64,
-            deficit: evidence.consistency.deficit.max(evidence.alarm),
-            frame_deficit: evidence.consistency.frame_deficit,
-            spread: evidence.spread,
-            lost: self.loss.is_searching(),
-        }
-    }
-
     /// Searches for distractors around the estimate, if the frame is judged and the result is not known yet.
     pub(super) fn search(&mut self, view: &mut View<'_>, estimate: &State, found: Distractors) -> Distractors {
         if !view.is_judged {
@@ -191,23 +210,25 @@ impl Monitor {
         found.search(self.distractors.as_mut(), view, estimate)
     }
 
-    /// Returns how the models may learn frame `t`; `None` for no update.
-    pub(super) fn lesson(&self, t: u64) -> Option<Lesson> {
-        let learns = self.consistency.learns(t, self.loss.is_searching()) && !self.loss.is_doubted();
-        learns.then(|| Lesson { deficit: self.consistency.last().frame_deficit })
-    }
-
-    /// Trains the models on frame `t` if the evidence is consistent with the target at the estimate: on the target there, and on the
-    /// distractors around it or among the particles.
+    /// Resets the models if the tracker was misled, remembers the surroundings of the target if frame `t` is due, and trains the models if
+    /// the verdict has a lesson: on the target at the estimate, and on the distractors around it or among the particles.
     pub(super) fn learn(
-        &self,
+        &mut self,
         view: &mut View<'_>,
         belief: &Particles,
         estimate: &State,
         mut found: Distractors,
-        t: u64,
+        (verdict, t): (&Verdict, u64),
     ) -> Distractors {
-        let Some(lesson) = self.lesson(t).filter(|_| view.is_judged) else { return found };
+        if verdict.is_misled {
+            // They were trained on another object.
+            self.forget_learned(view.appearance.memory());
+        }
+        let is_certain = !verdict.is_searching && verdict.confidence.own < CERTAIN;
+        if is_certain && view.is_judged && t.is_multiple_of(REMEMBERED_EVERY) {
+            self.remember(view, estimate);
+        }
+        let Some(lesson) = verdict.lesson else { return found };
         let Some(memory) = view.appearance.memory() else { return found };
         if self.distractors.is_none() {
             distractors(&belief.states, &belief.log_weights, estimate, view.target.extent, &mut found.states);
@@ -273,7 +294,8 @@ mod tests {
             look(&mut Toy::at(70.0), 1.0, |view| {
                 let (belief, looks) = weighed(view, &[70.0]);
                 let percept = view.glimpse(&state(70.0), Gaze::CENTRE, Percept::default());
-                monitor.evidence(view, &belief, &looks, &estimate(70.0), (&percept, &Distractors::default())).elsewhere
+                let found = (&percept, &Distractors::default());
+                monitor.evidence(view, &belief, &looks, &estimate(70.0), found, OtherEvidence::default()).elsewhere
             })
         };
         assert!(elsewhere(&mut monitor) > 0.0);
@@ -286,10 +308,11 @@ mod tests {
     fn an_occluded_target_is_not_judged() {
         let mut monitor = beside(false);
         let good = evidence(&mut monitor);
-        let before = monitor.judge(true, &good).own;
+        let before = monitor.judge(true, &good, (false, 1)).confidence.own;
         let bad = with_deficit(&mut monitor, 1.0);
-        assert_eq!(monitor.judge(false, &bad).own, before);
-        assert!(monitor.judge(true, &bad).own > before);
+        let held = monitor.judge(false, &bad, (false, 2));
+        assert_eq!((held.confidence.own, held.lesson), (before, None));
+        assert!(monitor.judge(true, &bad, (false, 3)).confidence.own > before);
         for (fraction, searches) in [(1.0, true), (0.3, false)] {
             let found =
                 look(&mut Toy::at(50.0), fraction, |view| monitor.search(view, &state(50.0), Distractors::default()));
@@ -302,11 +325,12 @@ mod tests {
     fn a_judged_frame_is_learned_with_distractors() {
         for (fraction, lessons) in [(1.0, vec![1]), (0.3, vec![])] {
             let (mut monitor, mut toy) = (Monitor::new(Default::default(), model()), learning());
-            evidence(&mut monitor);
+            let shown = evidence(&mut monitor);
             look(&mut toy, fraction, |view| {
                 let (mut belief, _) = weighed(view, &[50.0, 80.0]);
                 belief.log_weights = vec![0.0; 2];
-                monitor.learn(view, &belief, &state(50.0), Distractors::default(), 1)
+                let verdict = monitor.judge(view.is_judged, &shown, (false, 1));
+                monitor.learn(view, &belief, &state(50.0), Distractors::default(), (&verdict, 1))
             });
             assert_eq!(toy.learned.expect("it learns").lessons, lessons, "{fraction} visible");
         }

@@ -214,7 +214,7 @@ mod tests {
     fn drawn_particles_are_weighed_where_they_are() {
         let mut monitor = beside(false);
         let shown = evidence(&mut monitor);
-        monitor.judge(true, &shown);
+        monitor.judge(true, &shown, (false, 1));
         let mut filter = parts(Toy::at(70.0)).filter.with_local_search(Some(LocalSearch::new(Default::default())));
         let belief = look(&mut Toy::at(70.0), 1.0, |view| {
             let (mut belief, mut looks) = weighed(view, &[50.0; 10]);

@@ -6,9 +6,9 @@
 //! (*agreement*).
 
 use super::Engine;
+use super::monitor::Verdict;
 use super::target::Estimate;
 use super::view::View;
-use crate::control::TrackConfidence;
 use crate::scene::Scene;
 
 /// P(lost) of the first tracker without the agreement cue, below which a lost second tracker restarts at the estimate. It is small because
@@ -25,27 +25,22 @@ pub(super) fn agreement(second: Option<&mut Engine>, view: &View<'_>, estimate: 
     Some(theirs.mean.bbox(second.target().extent).iou(&estimate.mean.bbox(view.target.extent)))
 }
 
-/// Resets the second tracker with the first. If the first was `misled`, everything that the second learned since frame 1 is reset. If the
-/// second is lost and the first is sure of its place, the second restarts at the estimate.
+/// Resets the second tracker with the first. If the first was misled, everything that the second learned since frame 1 is reset. If the
+/// second is lost and the first is sure of its place, the second restarts at the estimate. Its box takes the change of shape of the first;
+/// its size is its own.
 pub(super) fn follow(
     second: Option<&mut Engine>,
     view: &View<'_>,
     estimate: &Estimate,
-    verdict: &TrackConfidence,
-    (lost, misled): (bool, bool),
+    verdict: &Verdict,
+    [_, log_aspect]: [f64; 2],
 ) {
     let Some(second) = second else { return };
-    if misled {
+    if verdict.is_misled {
         second.parts.monitor.forget_learned(second.parts.appearance.memory());
     }
-    if !lost && verdict.own < SURE && second.context.lost {
+    if !verdict.is_searching && verdict.confidence.own < SURE && second.context.lost {
         second.start_again_at(&estimate.mean.bbox(view.target.drawn()));
     }
-}
-
-/// Changes the shape of the second tracker's box as that of the first. Its size is its own.
-pub(super) fn reshape(second: Option<&mut Engine>, log_aspect: f64) {
-    if let Some(second) = second {
-        second.parts.filter.reshape(0.0, log_aspect);
-    }
+    second.parts.filter.reshape([0.0, log_aspect]);
 }

@@ -1,6 +1,7 @@
 //! Properties of several parts together.
 
 use super::distractors::Distractors;
+use super::monitor::Verdict;
 use super::toy::{EXTENT, Learned, OFF, SLOPE, Toy, given, parts, picture, started, state, target};
 use super::view::{Looks, Scratch};
 use super::*;
@@ -8,8 +9,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::control::{
-    AbsenceWeights, Autoregressive, ConfidenceModel, Consistency, DetectionLikelihood, DistractorSettings, LocalSearch,
-    Prior, ReacquisitionWeights, Redetection, Resampling,
+    AbsenceWeights, Autoregressive, ConfidenceModel, Consistency, DetectionLikelihood, DistractorSettings,
+    FrameEvidence, LocalSearch, Prior, ReacquisitionWeights, Redetection, Resampling,
 };
 use crate::gaze::Policy;
 use crate::geometry::Gaze;
@@ -38,7 +39,8 @@ pub(super) fn weighed(view: &mut View<'_>, columns: &[f64]) -> (Particles, Looks
 pub(super) fn evidence(monitor: &mut Monitor) -> FrameEvidence {
     look(&mut Toy::at(50.0), 1.0, |view| {
         let (belief, looks) = weighed(view, &[50.0, 80.0]);
-        monitor.evidence(view, &belief, &looks, &estimate(50.0), (&Percept::default(), &Distractors::default()))
+        let found = (&Percept::default(), &Distractors::default());
+        monitor.evidence(view, &belief, &looks, &estimate(50.0), found, OtherEvidence::default())
     })
 }
 
@@ -81,9 +83,11 @@ fn surroundings_are_remembered_in_confident_frames_only() {
         let mut toy = Toy::at(50.0);
         let beside = toy.axis(70.0);
         look(&mut toy, 1.0, |view| monitor.search(view, &state(50.0), Distractors::default()));
-        let verdict = TrackConfidence { p_lost, own: p_lost, ..TrackConfidence::default() };
-        let misled = look(&mut toy, fraction, |view| monitor.revise(view, &verdict, &estimate(50.0), (false, frame)));
-        assert!(!misled);
+        let confidence = TrackConfidence { p_lost, own: p_lost, ..TrackConfidence::default() };
+        let verdict = Verdict { confidence, ..Verdict::default() };
+        look(&mut toy, fraction, |view| {
+            monitor.learn(view, &Particles::default(), &state(50.0), Distractors::default(), (&verdict, frame));
+        });
         let elsewhere = monitor.surroundings.as_mut().expect("it remembers").elsewhere(&beside);
         assert_eq!(elsewhere, f64::from(u8::from(remembers)), "P(lost) {p_lost}, frame {frame}, {fraction} visible");
     }
@@ -99,7 +103,8 @@ fn the_visible_fraction_scales_distractors_and_target_alike() {
             let (belief, looks) = weighed(view, &[50.0]);
             // Places are 10 pixels apart; all places in the column of the target have its likelihood.
             let found = monitor.search(view, &state(47.0), Distractors::default());
-            monitor.evidence(view, &belief, &looks, &estimate(47.0), (&Percept::default(), &found))
+            let found = (&Percept::default(), &found);
+            monitor.evidence(view, &belief, &looks, &estimate(47.0), found, OtherEvidence::default())
         });
         close(shown.distractor.expect("there was a search"), fraction * -SLOPE * 3.0);
     }
@@ -128,9 +133,10 @@ fn a_lost_second_tracker_restarts_at_a_sure_first() {
     ] {
         let mut second = started(parts(Toy::at(50.0)), 1);
         second.context.lost = second_lost;
-        let verdict = TrackConfidence { own, ..TrackConfidence::default() };
+        let confidence = TrackConfidence { own, ..TrackConfidence::default() };
+        let verdict = Verdict { confidence, is_searching: lost, ..Verdict::default() };
         look(&mut Toy::at(50.0), 1.0, |view| {
-            second::follow(Some(&mut second), view, &estimate(80.0), &verdict, (lost, false));
+            second::follow(Some(&mut second), view, &estimate(80.0), &verdict, [0.0; 2]);
         });
         let x = second.parts.filter.state.particles.iter().map(|particle| particle.x).sum::<f64>() / 50.0;
         assert_eq!((x - 80.0).abs() < 2.0, led, "own P(lost) {own}, lost {lost}: at column {x}");
@@ -234,43 +240,51 @@ fn a_lost_target_keeps_its_size() {
 #[test]
 fn a_misled_tracker_resets_the_memory_of_its_second() {
     for misled in [false, true] {
-        let (learned, verdict) = (Learned::default(), TrackConfidence::default());
+        let (learned, verdict) = (Learned::default(), Verdict { is_misled: misled, ..Verdict::default() });
         let forgotten = learned.forgotten.clone();
         let mut second = started(parts(Toy { learned: Some(learned), ..Toy::at(50.0) }), 1);
         look(&mut Toy::at(50.0), 1.0, |view| {
-            second::follow(Some(&mut second), view, &estimate(50.0), &verdict, (true, misled));
+            second::follow(Some(&mut second), view, &estimate(50.0), &verdict, [0.0; 2]);
         });
         assert_eq!(forgotten.load(Ordering::Relaxed) > 0, misled);
     }
 }
 
-/// A monitor after so many frames with the evidence of the target, and this logit of absence by the box regression.
-fn doubted(frames: usize, absent: f64) -> Monitor {
+/// A monitor, and the evidence of the target with this logit of absence by the box regression.
+fn doubted(absent: f64) -> (Monitor, FrameEvidence) {
     let absence = AbsenceWeights { rate: 1.0, weight: 1.0, bias: 0.0 };
     let mut monitor = Monitor::new(Default::default(), ConfidenceModel { absence, ..toy::model() });
     let shown = FrameEvidence { absent: Some(absent), ..evidence(&mut monitor) };
-    (0..frames).for_each(|_| _ = monitor.judge(true, &shown));
-    monitor
+    (monitor, shown)
 }
 
 /// Nothing is learned from a frame in which the box regression doubts that the target is there.
 #[test]
 fn a_doubtful_frame_teaches_nothing() {
     let lessons = [-6.0, 6.0].map(|absent| {
-        let monitor = doubted(1, absent);
-        (monitor.loss.is_searching(), monitor.lesson(1).is_some())
+        let (mut monitor, shown) = doubted(absent);
+        let verdict = monitor.judge(true, &shown, (false, 1));
+        (verdict.is_searching, verdict.lesson.is_some())
     });
     assert_eq!(lessons, [(false, true), (false, false)]);
 }
 
-/// In the frame in which a misled tracker loses the target, and not in the frames of the search.
+/// In the frame in which a misled tracker loses the target, and not in the frames of the search, its models are reset to frame 1.
 #[test]
 fn a_misled_tracker_forgets_once() {
-    let (mut monitor, verdict) = (doubted(2, 6.0), TrackConfidence { own: 0.9, ..TrackConfidence::default() });
-    for was_lost in [false, true] {
-        let misled = |view: &mut View<'_>| monitor.revise(view, &verdict, &estimate(50.0), (was_lost, 1));
-        assert_eq!(look(&mut Toy::at(50.0), 1.0, misled), !was_lost);
+    let (mut monitor, shown) = doubted(6.0);
+    let mut toy = Toy { learned: Some(Learned::default()), ..Toy::at(50.0) };
+    let mut was_lost = false;
+    for (frame, misled) in [(1, false), (2, true), (3, false)] {
+        let verdict = monitor.judge(true, &shown, (was_lost, frame));
+        assert_eq!((verdict.is_misled, verdict.is_searching), (misled, frame > 1), "frame {frame}");
+        was_lost = verdict.is_searching;
+        look(&mut toy, 1.0, |view| {
+            monitor.learn(view, &Particles::default(), &state(50.0), Distractors::default(), (&verdict, frame));
+        });
     }
+    let learned = toy.learned.expect("it learns");
+    assert_eq!((learned.forgotten.load(Ordering::Relaxed), learned.lessons.len()), (1, 0));
 }
 
 /// Searches frame 60 for a target that is at column 70, with particles at column 50. Returns the particles.
@@ -330,11 +344,11 @@ fn a_search_does_not_end_beside_the_best_place() {
         let mut monitor = beside(false);
         let here = evidence(&mut monitor);
         let lost = FrameEvidence { consistency: Consistency { deficit: 1.0, ..here.consistency }, ..here };
-        (0..5).for_each(|_| _ = monitor.judge(true, &lost));
+        (0..5).for_each(|_| _ = monitor.judge(true, &lost, (false, 1)));
         if elsewhere {
             searched(&mut monitor, 1.0, true, &[]);
         }
-        (0..5).for_each(|_| _ = monitor.judge(true, &here));
+        (0..5).for_each(|_| _ = monitor.judge(true, &here, (true, 1)));
         assert_eq!(monitor.loss.is_searching(), elsewhere);
     }
 }
