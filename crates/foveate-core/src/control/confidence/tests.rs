@@ -318,13 +318,19 @@ fn the_running_mean_of_absence_starts_anew() {
 fn a_restart_keeps_the_usual_values() {
     let absence = AbsenceWeights { rate: 0.25, weight: 1.0, bias: 0.0 };
     let mut c = LossMonitor::new(ConfidenceModel { absence, ..ConfidenceModel::default() });
-    (0..30).for_each(|_| _ = c.judge(&FrameEvidence { absent: Some(-2.0), ..shown(-3.0, 0.0) }));
+    let estimate = State { x: 5.0, ..State::default() };
+    let frame = |t: usize| FrameEvidence { absent: Some(-2.0), estimate, ..shown(-3.0 - 0.1 * (t % 3) as f64, 0.0) };
+    (0..30).for_each(|t| _ = c.judge(&frame(t)));
     let after = |reset: fn(&mut LossMonitor)| {
         let mut c = c.clone();
         reset(&mut c);
         let cues = c.judge(&shown(-6.0, 0.0)).cues;
         (cues[2] > 0.5, cues[CUES - 1] > -3.0)
     };
+    let usual = |c: &LossMonitor| (c.state.evidence, c.state.deviation, c.state.distance, c.state.seen, c.state.frames);
+    let mut restarted = c.clone();
+    restarted.restart();
+    assert_eq!(usual(&restarted), usual(&c));
     assert_eq!(after(|_| ()), (true, true));
     assert_eq!(after(LossMonitor::restart), (true, false));
     assert_eq!(after(LossMonitor::forget_usual), (false, false));
@@ -354,4 +360,64 @@ fn nothing_is_too_strange() {
         assert!((0.0..=1.0).contains(&confidence.p_lost), "{confidence:?}");
         assert!(confidence.cues.iter().all(|c| c.is_finite()), "{confidence:?}");
     }
+}
+
+/// The usual values of the first frames are means: of the evidence, of the distance, and of how far the evidence is from the mean before.
+#[test]
+fn usual_values_are_means_over_the_frames_on_the_target() {
+    let mut c = LossMonitor::new(ConfidenceModel::default());
+    let evidence = [-3.0, -5.0, -4.0, -8.0, -3.5, -2.0];
+    for n in 1..=evidence.len() {
+        c.judge(&shown(evidence[n - 1], 0.0));
+        let mean = |n: usize| evidence[..n].iter().sum::<f64>() / n as f64;
+        let off: f64 = (1..n).map(|k| (evidence[k] - mean(k)).abs()).sum();
+        let expected = [mean(n), 0.1 - 0.02 * mean(n), if n > 1 { off / (n - 1) as f64 } else { 0.0 }];
+        let found = [c.state.evidence, c.state.distance, c.state.deviation];
+        found.iter().zip(expected).for_each(|(a, b)| assert!((a - b).abs() < 1e-12, "{found:?}, not {expected:?}"));
+    }
+}
+
+/// After the first frames only those with a P(lost) below `leave` are usual, and a frame without a distance never is.
+#[test]
+fn doubtful_frames_are_not_usual() {
+    let mut c = LossMonitor::new(ConfidenceModel::default());
+    (0..20).for_each(|_| _ = c.judge(&shown(-3.0, 0.0)));
+    assert_eq!(c.state.frames, 20);
+    c.judge(&FrameEvidence { distance: f64::NAN, ..shown(-3.0, 0.0) });
+    assert!(c.judge(&shown(-12.0, 2.0)).own >= c.model.leave);
+    assert_eq!(c.state.frames, 20);
+}
+
+/// The cues *spread* and *distance* by their formulas.
+#[test]
+fn cues_are_logarithms() {
+    let mut c = LossMonitor::new(ConfidenceModel::default());
+    (0..5).for_each(|_| _ = c.judge(&shown(-3.0, 0.0)));
+    let cues = c.judge(&FrameEvidence { spread: 0.3, distance: 0.08, ..shown(-3.0, 0.0) }).cues;
+    assert!((cues[5] - 0.32f64.ln()).abs() < 1e-9, "{cues:?}");
+    assert!((cues[6] - (0.096f64 / 0.176).ln()).abs() < 1e-6, "{cues:?}");
+}
+
+/// The cues of a series give its P(lost) and status again.
+#[test]
+fn a_series_is_judged_again_by_its_cues() {
+    let [mut judged, mut again] = [(); 2].map(|()| LossMonitor::new(ConfidenceModel::default()));
+    for t in 0..90 {
+        let off = (30..60).contains(&t);
+        let confidence = judged.judge(&shown(if off { -12.0 } else { -3.0 }, if off { 1.0 } else { 0.0 }));
+        assert_eq!(again.rejudge(&confidence.cues), confidence, "frame {t}");
+    }
+}
+
+/// One sure member wins against two doubtful ones at one place, and the first of equal members wins.
+#[test]
+fn a_vote_counts_the_probability_that_a_member_is_right() {
+    let at = |x: f64, p_lost: f64| Ballot {
+        bbox: crate::geometry::BBox::new(x, 0.0, 10.0, 10.0),
+        p_lost,
+        is_searching: false,
+    };
+    assert_eq!(Vote::elect(&[at(0.0, 0.7), at(0.0, 0.7), at(40.0, 0.3)]).0, 2);
+    assert_eq!(Vote::elect(&[at(0.0, 0.9), at(40.0, 0.1)]).0, 1);
+    assert_eq!(Vote::elect(&[at(0.0, 0.2), at(0.0, 0.2)]).0, 0);
 }
