@@ -72,6 +72,152 @@ fn the_evidence_of_a_gaze_is_its_likelihood_under_the_prior() {
     close(belief.weights[1], 0.1 * likelihood(3.0) / evidence[0].exp());
 }
 
+/// The evidence is that of one look, lengths are in template units of the size at the estimate, and the sample size is a share.
+#[test]
+fn evidence_is_per_look_and_lengths_are_in_template_units() {
+    let mut monitor = Monitor::new(Default::default(), toy::model());
+    let mut at = Estimate { ess: 3.0, ..estimate(53.0) };
+    at.mean.log_scale = 2.0f64.ln();
+    (at.covariance[0][0], at.covariance[1][1]) = (1500.0, 100.0);
+    let mut judge = |at: &Estimate| {
+        look(&mut Toy::at(50.0), 1.0, |view| {
+            let log_importance = vec![0.25f64.ln(); 4];
+            let mut belief = Particles { log_importance, states: vec![state(53.0); 4], ..Particles::default() };
+            let looked = (&[Gaze::CENTRE; 2][..], &[1.0, 2.0][..], None);
+            let looks = view.log_likelihoods(&belief.states, looked, Looks::default());
+            belief.weigh(&looks, vec![]);
+            let found = (&Percept::default(), &Distractors::default());
+            let shown = monitor.evidence(view, &belief, &looks, at, found, OtherEvidence::default());
+            (shown, Verdict::default().context(&shown, &belief, at))
+        })
+    };
+    let (shown, context) = judge(&at);
+    close(shown.evidence, -SLOPE * 3.0);
+    close(shown.unit, 20.0);
+    close(shown.spread, 800.0f64.sqrt() / 20.0);
+    close(context.ess, 0.75);
+    at.covariance[0][0] = f64::INFINITY;
+    assert_eq!(judge(&at).0.spread, 1e6, "a spread is finite");
+}
+
+/// The particles follow the box regression in frames with a small P(lost), outside of a search.
+#[test]
+fn only_a_confident_frame_changes_the_size_of_the_particles() {
+    for (is_searching, p_lost, follows) in [(false, 0.1, true), (false, 0.5, false), (true, 0.1, false)] {
+        let confidence = TrackConfidence { p_lost, ..TrackConfidence::default() };
+        let verdict = Verdict { confidence, is_searching, ..Verdict::default() };
+        assert_eq!(verdict.is_confident(), follows, "searching {is_searching}, P(lost) {p_lost}");
+    }
+}
+
+/// Size and shape stay within 0.25 of the given ones, in either direction.
+#[test]
+fn held_sizes_are_near_the_given_one() {
+    let with = |log_scale: f64, log_aspect: f64| State { log_scale, log_aspect, ..State::default() };
+    let mut belief = Particles { states: vec![with(2.0, 2.0), with(-2.0, -2.0)], ..Particles::default() };
+    belief.hold_size(&with(0.5, -0.5));
+    assert_eq!(belief.states, [with(0.75, -0.25), with(0.25, -0.75)]);
+}
+
+/// Without a look the weights are those of the prediction, and the expected state is the mean of the predicted ones.
+#[test]
+fn without_a_look_the_prediction_is_the_belief() {
+    let mut belief = Particles { log_importance: vec![0.9f64.ln(), 0.1f64.ln()], ..Particles::default() };
+    belief.weigh_without_looks();
+    close(belief.weights[0], 0.9);
+    close(belief.weights[1], 0.1);
+    close(super::particles::mean(&[state(40.0), state(60.0), state(80.0)]).x, 60.0);
+}
+
+/// The estimate moves from where the last one was, which is the expected place less its velocity.
+#[test]
+fn the_displacement_of_the_estimate_starts_at_the_last_one() {
+    let expected = State { x: 10.0, vx: 3.0, y: 20.0, vy: -2.0, ..State::default() };
+    let states = vec![State { x: 15.0, y: 19.0, ..State::default() }; 2];
+    let belief = Particles { expected, states, weights: vec![0.5; 2], ..Particles::default() };
+    assert_eq!(belief.estimate().moved, [8.0, -3.0]);
+}
+
+/// A particle that is drawn again has the weight that the prediction gives: the detection likelihood there, and the offset of all.
+#[test]
+fn the_detection_likelihood_of_drawn_particles_has_the_offset_of_all() {
+    let (found, likelihood) = ([Detection::new(target(52.0), 1.0)], DetectionLikelihood::default());
+    let mut belief = Particles {
+        states: vec![state(50.0), state(55.0)],
+        log_importance: vec![-1.0, -2.0],
+        detection_offset: 0.7,
+        drawn: vec![1],
+        ..Particles::default()
+    };
+    look(&mut Toy::at(50.0), 1.0, |view| {
+        let found: &'static [Detection] = found.to_vec().leak();
+        view.scene.detections = found;
+        belief.apply_detection_likelihood(Some(&likelihood), view);
+    });
+    assert_eq!(belief.log_importance[0], -1.0);
+    close(belief.log_importance[1], -2.0 + 0.7 + likelihood.log_likelihood(&found, &state(55.0), EXTENT));
+}
+
+/// In the first frame, the places around the target are remembered and trained on, each if the settings enable it.
+#[test]
+fn the_surroundings_of_the_first_frame_follow_the_settings() {
+    for (remembered, first_frame) in [(0, false), (0, true), (2, false), (2, true)] {
+        let settings = DistractorSettings { reach: 2.0, step: 1.0, remembered, first_frame };
+        let mut monitor = Monitor::new(Default::default(), toy::model()).with_distractors(Some(settings));
+        let mut toy = Toy { learned: Some(Learned::default()), ..Toy::at(50.0) };
+        let beside = toy.axis(70.0);
+        look(&mut toy, 1.0, |view| monitor.init_surroundings(view, &state(50.0)));
+        assert_eq!(toy.learned.expect("it learns").lessons.len(), usize::from(first_frame), "{remembered} remembered");
+        let elsewhere = monitor.surroundings.as_mut().map(|it| it.elsewhere(&beside));
+        assert_eq!(elsewhere, (remembered > 0).then_some(1.0), "trains on the first frame: {first_frame}");
+    }
+}
+
+/// The estimate is compared with remembered surroundings under the committed gaze, whatever gaze the percept has.
+#[test]
+fn surroundings_are_compared_under_the_committed_gaze() {
+    let mut monitor = beside(true);
+    let mut toy = Toy::at(70.0);
+    let target = Percept {
+        gaze: Gaze { u: 0.3, v: 0.0, arm: Some(1) },
+        features: toy.axis(50.0).to_vec(),
+        ..Percept::default()
+    };
+    let shown = look(&mut toy, 1.0, |view| {
+        let (belief, looks) = weighed(view, &[70.0]);
+        let found = (&target, &Distractors::default());
+        monitor.evidence(view, &belief, &looks, &estimate(70.0), found, OtherEvidence::default())
+    });
+    assert!(shown.elsewhere > 0.0, "{}", shown.elsewhere);
+}
+
+/// The agreement is the overlap of the boxes of both targets.
+#[test]
+fn the_agreement_of_two_trackers_is_the_overlap_of_their_boxes() {
+    for (x, overlap) in [(50.0, 1.0), (60.0, 1.0 / 3.0), (90.0, 0.0)] {
+        let mut second = started(parts(Toy::at(50.0)), 1);
+        look(&mut Toy::at(50.0), 1.0, |view| {
+            let agreement = second::agreement(Some(&mut second), view, &estimate(x)).expect("there are two");
+            assert!((agreement - overlap).abs() < 0.1, "{agreement} at column {x}");
+            assert_eq!(second::agreement(None, view, &estimate(x)), None);
+        });
+    }
+}
+
+/// A second tracker takes the change of shape of the first, and keeps its size.
+#[test]
+fn a_second_tracker_takes_the_shape_of_the_first() {
+    let mut second = started(parts(Toy::at(50.0)), 1);
+    let before = second.parts.filter.state.particles.clone();
+    look(&mut Toy::at(50.0), 1.0, |view| {
+        second::follow(Some(&mut second), view, &estimate(50.0), &Verdict::default(), [0.3, 0.2]);
+    });
+    for (after, before) in second.parts.filter.state.particles.iter().zip(before) {
+        close(after.log_aspect, before.log_aspect + 0.2);
+        close(after.log_scale, before.log_scale);
+    }
+}
+
 /// The surroundings are remembered in every eighth frame, with P(lost) below 0.05 and enough of the target visible.
 #[test]
 fn surroundings_are_remembered_in_confident_frames_only() {
@@ -215,6 +361,8 @@ fn the_policy_context_reports_a_lost_target() {
         engine.step_on(Scene { image: &image, detections: &[] });
     }
     assert!(engine.is_searching() && engine.context.lost);
+    let seen = engine.report(Scene { image: &image, detections: &[] });
+    assert!(seen.consistency.deficit > 0.5, "{:?}", seen.consistency);
 }
 
 /// While the target is lost, the sizes of the particles stay near the last confident one, though the dynamics change them in every frame.
@@ -396,4 +544,31 @@ fn the_box_regression_is_asked_while_the_target_is_lost() {
         let asked = [false, true].map(|lost| extras.ask(view, &estimate(50.0), &model, lost).is_some());
         assert_eq!(asked, [false, true]);
     });
+}
+
+/// The expected errors of the box regression widen the covariance of the reported box: of size and shape in the estimate, of the place, in
+/// half boxes, in the evidence. The particles change in confident frames only.
+#[test]
+fn the_expected_errors_of_the_box_regression_are_reported() {
+    use crate::identity::box_regression::Settings;
+    let network = Arc::new(Settings::default().read(&foveate_base::files::Nowhere).expect("it ships"));
+    let mut given = Estimate { ess: 7.0, moved: [1.0, 2.0], ..estimate(50.0) };
+    (given.covariance[4][4], given.covariance[6][6], given.mean.log_scale) = (0.5, 0.25, 3.0f64.ln());
+    for confident in [false, true] {
+        let boxes = BoxRegression::new(network.clone(), Settings { follow: 0.5, ..Settings::default() });
+        let mut extras = Extras { box_regression: Some(boxes), ..Extras::default() };
+        extras.init(&picture(), &state(50.0), EXTENT);
+        let (reported, change) = look(&mut Toy::at(50.0), 1.0, |view| extras.regress(view, &given, None, confident));
+        let errors = extras.box_regression.as_ref().expect("it has one").errors();
+        assert!(errors.iter().all(|error| *error > 0.0), "{errors:?}");
+        close(reported.covariance[4][4], 0.5 + errors[2] * errors[2]);
+        close(reported.covariance[6][6], 0.25 + errors[3] * errors[3]);
+        assert!(reported.mean.log_scale != given.mean.log_scale);
+        assert_eq!(change != [0.0; 2], confident);
+        let place = extras.evidence(&given, crate::geometry::Extent { half_w: 10.0, half_h: 5.0 });
+        close(place.errors[0], errors[0] * 30.0);
+        close(place.errors[1], errors[1] * 15.0);
+        close(place.unit, 3.0 * (crate::geometry::Extent { half_w: 10.0, half_h: 5.0 }).mean());
+        assert_eq!((place.ess, place.moved), (7.0, [1.0, 2.0]));
+    }
 }
