@@ -118,7 +118,7 @@ def test_measurements_are_those_of_the_program(pictures: Any, tmp_path: Path) ->
             foveate.measure(pictures, FIRST, **wrong)
 
 
-@pytest.mark.parametrize("name", ["Crossing", "Couple", "Car1"])
+@pytest.mark.parametrize("name", ["Car1", "Couple", "Crossing", "Dog1", "DragonBaby"])
 def test_sequences_have_the_boxes_of_the_program(name: str, tmp_path: Path) -> None:
     folder = sequence(name)
     numbers = (folder / "groundtruth_rect.txt").read_text().split("\n")[0].replace("\t", ",").split(",")
@@ -127,6 +127,25 @@ def test_sequences_have_the_boxes_of_the_program(name: str, tmp_path: Path) -> N
     wanted = tracked(tmp_path, folder / "img", first, "out", "--until", "60")
     pictures = [picture for picture, _ in zip(foveate.Video(folder / "img"), range(len(wanted) + 1))]
     assert len(wanted) > 50 and from_python(pictures, first) == wanted
+
+
+def test_many_targets_have_the_boxes_of_the_program(tmp_path: Path) -> None:
+    folder = sequence("../mot/TUD-Campus")
+    found: dict[int, list[list[float]]] = {}
+    for line in (folder / "det" / "det.txt").read_text().splitlines():
+        frame, _, x, y, *rest = (float(word) for word in line.split(","))
+        found.setdefault(int(frame) - 1, []).append([x - 1, y - 1, *rest[:3]])
+    video, detections = str(folder / "img1"), str(folder / "det" / "det.txt")
+    done = program("track", video, "--detections", detections, "--until", "30", "--no-video", "--no-report", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "out" / "tracks.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["phase"] != "lost"]  # Python has the active targets
+    wanted = [(int(row["frame"]) - 1, int(row["id"]), *(float(row[name]) for name in ("x", "y", "deficit"))) for row in rows]
+    tracker, mine = foveate.MultiTracker(), []
+    for t, picture in zip(range(30), foveate.Video(video)):
+        targets = tracker.update(picture, found.get(t, []))
+        mine += [(t, i, *s[:2], d) for i, s, d in zip(targets.ids.tolist(), targets.states.tolist(), targets.deficit.tolist())]
+    assert len(mine) > 60 and mine == wanted
 
 
 def test_videos_that_cannot_be_read_say_so(tmp_path: Path) -> None:
