@@ -50,6 +50,30 @@ fn in_node(folder: &Path, more: &[&str]) -> Value {
     serde_json::from_str(&run(Command::new("node").arg(script).arg(folder).args(more))).expect("JSON")
 }
 
+/// Opens a page with the modules of the package and check.js in Chromium. Without npm: the files are served as they are.
+fn open(folder: &Path, profile: &Path) -> Result<Browser, String> {
+    let check = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/package/check.js");
+    std::fs::copy(check, folder.join("check.js")).expect("a writable folder");
+    std::fs::write(folder.join("index.html"), "<!doctype html><title>package</title><link rel=icon href=data:,>")
+        .expect("a writable folder");
+    let mut browser = Browser::start(profile, &[]).ok_or("chromium that runs here")?;
+    browser.call("Page.navigate", json!({ "url": page::serve(folder.to_owned()) }));
+    browser.until("document.readyState === 'complete' && document.title === 'package'");
+    browser.value(
+        "(async () => { window.modules = await Promise.all(['./node_modules/foveate/index.js', './node_modules/foveate/worker.js', \
+         './check.js'].map(path => import(path))); return true; })()",
+    );
+    Ok(browser)
+}
+
+/// Runs check.js in the browser, on the frames in its folder.
+fn in_browser(browser: &mut Browser, description: &Value) -> Value {
+    browser.value(&format!(
+        "(async () => modules[2].follow(modules[0], modules[1], new Uint8Array(await (await fetch('frames.raw')).arrayBuffer()), \
+         {description}))()"
+    ))
+}
+
 /// Frames, and the boxes of the targets in the first one: the first box is that of the tracker of one target.
 struct Scene {
     size: Size,
@@ -68,10 +92,13 @@ impl Scene {
     fn read(sequence: &Path, count: usize) -> Self {
         let video = foveate_video::open(sequence.join("img")).expect("a folder of pictures");
         let images: Vec<Image> = video.take(count).map(|frame| frame.expect("a picture").image).collect();
-        let truth = read_boxes(sequence.join("groundtruth_rect.txt")).expect("boxes")[0].expect("a box");
+        let names = ["groundtruth_rect.txt", "groundtruth_rect.1.txt", "groundtruth_rect.2.txt"];
+        let files = names.map(|name| sequence.join(name)).into_iter().filter(|file| file.is_file());
+        let first = |file| read_boxes(file).expect("boxes")[0].map(|b| [b.x, b.y, b.w, b.h]).expect("a box");
+        let boxes = files.map(first).collect();
         let rgba = |rgb: &[u8]| [rgb[0], rgb[1], rgb[2], 255];
         let frames = images.iter().map(|image| image.to_rgb8().chunks(3).flat_map(rgba).collect()).collect();
-        Self { size: images[0].size(), frames, boxes: vec![[truth.x, truth.y, truth.w, truth.h]] }
+        Self { size: images[0].size(), frames, boxes }
     }
 
     fn image(&self, t: usize) -> Image {
@@ -150,24 +177,9 @@ fn results_are_those_of_native_code_in_node_and_in_a_browser() {
     let found = in_node(dir.path(), &[frames.to_str().expect("UTF-8"), &description.to_string()]);
     println!("synthetic: {:.1e} px", scene.compare(&found, "fast", "multi-boxes"));
 
-    // Without npm: the files are served as they are.
-    let check = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/package/check.js");
-    std::fs::copy(check, dir.path().join("check.js")).expect("a writable folder");
-    std::fs::write(dir.path().join("index.html"), "<!doctype html><title>package</title><link rel=icon href=data:,>")
-        .expect("a writable folder");
     let profile = tempfile::tempdir().expect("a temporary folder");
-    let mut browser = need!(Browser::start(profile.path(), &[]).ok_or("chromium that runs here"));
-    browser.call("Page.navigate", json!({ "url": page::serve(dir.path().to_owned()) }));
-    browser.until("document.readyState === 'complete' && document.title === 'package'");
-    browser.value(
-        "(async () => { window.modules = await Promise.all(['./node_modules/foveate/index.js', './node_modules/foveate/worker.js', \
-         './check.js'].map(path => import(path))); return true; })()",
-    );
-    let in_browser = browser.value(&format!(
-        "(async () => modules[2].follow(modules[0], modules[1], new Uint8Array(await (await fetch('frames.raw')).arrayBuffer()), \
-         {description}))()"
-    ));
-    assert_eq!(in_browser, found, "a browser gives the bits of node");
+    let mut browser = need!(open(dir.path(), profile.path()));
+    assert_eq!(in_browser(&mut browser, &description), found, "a browser gives the bits of node");
     let codes = browser.value("modules[2].misuse(modules[0], modules[1])");
     assert_eq!(codes, in_node(dir.path(), &[]));
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
@@ -179,12 +191,18 @@ fn results_in_real_video_are_those_of_native_code() {
     need!(install(dir.path()));
     assert!(Level::Portable.at_most(), "no kernel was used before");
     let sequences = need!(data("tracking"));
-    for name in ["Car1", "Couple", "Crossing", "Dog1", "DragonBaby"] {
+    let profile = tempfile::tempdir().expect("a temporary folder");
+    let mut browser = open(dir.path(), profile.path());
+    for name in ["Car1", "Couple", "Crossing", "Dog1", "DragonBaby", "Jogging"] {
         let scene = Scene::read(&sequences.join(name), 12);
         let (frames, description) = scene.write(dir.path(), "balanced", "multi-boxes");
         let found = in_node(dir.path(), &[frames.to_str().expect("UTF-8"), &description.to_string()]);
         println!("{name}: {:.1e} px", scene.compare(&found, "balanced", "multi-boxes"));
+        if let Ok(browser) = &mut browser {
+            assert_eq!(in_browser(browser, &description), found, "{name}: a browser gives the bits of node");
+        }
     }
+    need!(browser.map(|browser| assert!(browser.complaints.is_empty(), "{:?}", browser.complaints)));
 }
 
 #[test]
