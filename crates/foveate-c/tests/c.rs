@@ -55,7 +55,7 @@ fn boxes_in_real_video_are_those_of_rust() {
         let compiler = language.compiler()?;
         Ok::<_, String>(Build::new(compiler, dir.path()).program(&format!("boxes.{}", language.ending())))
     });
-    for name in ["Car1", "Couple", "Crossing", "Dog1", "DragonBaby"] {
+    for name in ["Car1", "Couple", "Crossing", "Dog1", "DragonBaby", "Jogging"] {
         let scene = Scene::read(&need!(data(&format!("tracking/{name}"))), 12);
         for program in &programs {
             compare(need!(program.as_ref().map_err(String::clone)), &Video { scene: &scene, format: 1, gap: 0 });
@@ -66,7 +66,10 @@ fn boxes_in_real_video_are_those_of_rust() {
 #[test]
 fn misuse_gives_codes() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    run(&mut Command::new(Build::new(need!(Language::C.compiler()), dir.path()).program("misuse.c")));
+    let build = Build::new(need!(Language::C.compiler()), dir.path());
+    for name in ["misuse.c", "threads.c"] {
+        run(&mut Command::new(build.program(name)));
+    }
 }
 
 #[test]
@@ -87,11 +90,14 @@ fn memory_is_flat_for_2000_updates() {
 }
 
 #[test]
-fn the_address_sanitizer_finds_nothing() {
+fn the_sanitizers_find_nothing() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let build = Build::new(need!(Language::C.compiler()), dir.path()).with(&["-fsanitize=address", "-g"]);
+    let flags = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"];
+    let build = Build::new(need!(Language::C.compiler()), dir.path()).with(&flags);
     need!(build.offers("AddressSanitizer"));
-    run(&mut Command::new(build.program("misuse.c")));
+    for name in ["misuse.c", "threads.c"] {
+        run(&mut Command::new(build.program(name)));
+    }
     let scene = Scene::synthetic(6);
     let found =
         boxes(&[], &build.program("boxes.c"), "many", "multi-boxes", &Video { scene: &scene, format: 3, gap: 1 }, 2);
@@ -105,7 +111,9 @@ fn valgrind_finds_nothing() {
     need!(program("valgrind", "--version"));
     let tool =
         ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite,indirect"];
-    run(Command::new(tool[0]).args(&tool[1..]).arg(build.program("misuse.c")));
+    for name in ["misuse.c", "threads.c"] {
+        run(Command::new(tool[0]).args(&tool[1..]).arg(build.program(name)));
+    }
     let video = Video { scene: &Scene::synthetic(4), format: 0, gap: 3 };
     for (kind, configuration) in [("single", "fast"), ("many", "multi-boxes")] {
         let found = boxes(&tool, &build.program("boxes.c"), kind, configuration, &video, 1);

@@ -78,6 +78,11 @@ int main(void) {
             if (k < 2 || i < 2) FAILS(INVALID, foveate_multi_add(multi, &good, wrong, &id), "");
         }
     }
+    /* One row: the stride leads nowhere. */
+    foveate_picture row = good;
+    row.height = 1;
+    row.stride = (size_t)-1;
+    WORKS(foveate_tracker_skip(other, &row));
     const foveate_box outside = {500, 500, 20, 20}, empty = {40, 30, 0, 20};
     FAILS(INVALID, foveate_tracker_init(tracker, &good, outside), "");
     FAILS(INVALID, foveate_tracker_init(tracker, &good, empty), "");
@@ -99,6 +104,8 @@ int main(void) {
     FAILS(INVALID, foveate_tracker_load(tracker, state, size / 2), "JSON");
     FAILS(INVALID, foveate_tracker_load(tracker, "{}", 2), "");
     FAILS(INVALID, foveate_tracker_load(tracker, NULL, 2), "state");
+    FAILS(INVALID, foveate_tracker_load(tracker, state, (size_t)-1), "state");
+    FAILS(INVALID, foveate_tracker_save(tracker, state, (size_t)-1, &size), "buffer");
     WORKS(foveate_tracker_load(tracker, state, size));
     WORKS(foveate_tracker_update(tracker, &good, &result));
 
@@ -112,6 +119,7 @@ int main(void) {
     WORKS(foveate_multi_add(multi, &good, box, &id));
     FAILS(BUFFER, foveate_multi_targets(multi, NULL, 0, &size), "1 targets");
     FAILS(INVALID, foveate_multi_targets(multi, NULL, 1, &size), "results");
+    FAILS(INVALID, foveate_multi_targets(multi, &result, (size_t)-1, &size), "results");
     WORKS(foveate_multi_targets(multi, &result, 1, &size));
     if (size != 1 || result.id != id) failed = 1;
     FAILS(INVALID, foveate_multi_remove(multi, id + 1), "no target");

@@ -30,14 +30,18 @@ impl Scene {
         Self { width, height, frames: (0..frames).map(frame).collect(), boxes }
     }
 
-    /// The first frames of a sequence in OTB layout.
+    /// The first frames of a sequence in OTB layout, of one target or of two.
     pub(crate) fn read(folder: &Path, frames: usize) -> Self {
         let video = foveate::video::open(folder.join("img")).expect("a folder of pictures");
         let images: Vec<Image> = video.take(frames).map(|frame| frame.expect("a picture").image).collect();
-        let truth = std::fs::read_to_string(folder.join("groundtruth_rect.txt")).expect("boxes");
-        let first = truth.lines().next().expect("a box").split([',', '\t', ' ']).filter(|word| !word.is_empty());
-        let number: Vec<usize> = first.map(|word| word.parse::<f64>().expect("a number") as usize).collect();
-        let boxes = vec![[number[0] - 1, number[1] - 1, number[2], number[3]]];
+        let names = ["groundtruth_rect.txt", "groundtruth_rect.1.txt", "groundtruth_rect.2.txt"];
+        let first = |text: String| -> [usize; 4] {
+            let line = text.lines().next().expect("a box").split([',', '\t', ' ']).filter(|word| !word.is_empty());
+            let number: Vec<usize> = line.map(|word| word.parse::<f64>().expect("a number") as usize).collect();
+            [number[0] - 1, number[1] - 1, number[2], number[3]]
+        };
+        let boxes =
+            names.iter().filter_map(|name| std::fs::read_to_string(folder.join(name)).ok()).map(first).collect();
         let (width, height) = (images[0].width(), images[0].height());
         Self { width, height, frames: images.iter().map(Image::to_rgb8).collect(), boxes }
     }
