@@ -318,4 +318,42 @@ mod tests {
             assert!(!committee.vote.is_searching());
         }
     }
+
+    /// Members at three places: the first is sure, and the other two expect the target elsewhere. The box is the first one's, P(lost) and
+    /// status are those of the vote.
+    #[test]
+    fn a_committee_reports_its_vote() {
+        use crate::control::Status;
+        use crate::engine::toy::{Toy, parts, picture, target};
+        let mut committee = Ensemble::new([50.0, 20.0, 80.0].map(|x| parts(Toy::at(x))).into(), 1, 0);
+        committee.init(&picture(), target(50.0)).expect("a box in the picture");
+        for (member, x) in committee.members.iter_mut().zip([50.0, 20.0, 80.0]) {
+            member.voter.reset_at(&target(x));
+        }
+        let image = picture();
+        let told = committee.step_on(Scene { image: &image, detections: &[] });
+        let (bbox, p_lost, status, phase) = (told.bbox, told.p_lost, told.status, told.phase);
+        let (own, confidence) = committee.members[0].voter.reported();
+        assert_eq!((bbox, confidence.status), (own, Status::Tracking));
+        assert!((p_lost - (1.0 - (1.0 - confidence.p_lost) / 3.0)).abs() < 1e-12, "{p_lost}");
+        assert_eq!((status, phase), (Status::Occluded, Phase::of(Status::Occluded)));
+    }
+
+    /// Voters and second trackers take what their ensemble is told.
+    #[test]
+    fn all_trackers_take_what_their_ensemble_is_told() {
+        use crate::engine::toy::{Toy, parts, picture, target};
+        use std::sync::atomic::Ordering;
+        let toys: Vec<_> = (0..4).map(|_| Toy::at(50.0)).collect();
+        let templates: Vec<_> = toys.iter().map(|toy| toy.templates.clone()).collect();
+        let mut made = toys.into_iter().map(parts);
+        let pairs = (0..2).map(|_| made.next().expect("four").with_second_tracker(made.next())).collect();
+        let mut ensemble = Ensemble::new(pairs, 1, 0);
+        ensemble.init(&picture(), target(50.0)).expect("a box in the picture");
+        let before: Vec<_> = templates.iter().map(|it| it.load(Ordering::Relaxed)).collect();
+        ensemble.update_template(&picture(), &target(50.0), (0.0, 0.0)).expect("a box in the picture");
+        assert!(templates.iter().zip(before).all(|(it, before)| it.load(Ordering::Relaxed) == before + 1));
+        ensemble.set_visibility(0.5);
+        assert!(ensemble.trackers_mut().all(|tracker| tracker.save().part("visible") == SavedState::new(&0.5)));
+    }
 }

@@ -223,4 +223,59 @@ mod tests {
         let none = v.judge(f64::NEG_INFINITY, &[f64::NEG_INFINITY; 8], REFERENCE);
         assert!(none.deficit > flat.deficit && none.deficit.is_finite());
     }
+
+    /// (Σ wᵖ)² / Σ w²ᵖ / n: 1 for equal weights, 1/n for a single one, ((√3 + 1)² / 4) / 2 for 3 : 1 to the power ½.
+    #[test]
+    fn the_tempered_sample_size_is_a_share_of_softened_weights() {
+        let third = (3f64.sqrt() + 1.0).powi(2) / 8.0;
+        for (weights, power, exact) in [
+            (&[2.0, 2.0, 2.0][..], 0.7, 1.0),
+            (&[1.0, 0.0, 0.0, 0.0], 1.0, 0.25),
+            (&[3.0, 1.0], 0.5, third),
+            (&[2.0, 6.0], 0.5, third),
+            (&[0.0, 0.0], 0.5, 1.0),
+        ] {
+            let logs: Vec<f64> = weights.iter().map(|w: &f64| w.ln()).collect();
+            let found = tempered_ess(&logs, power);
+            assert!((found - exact).abs() < 1e-12, "{weights:?} to the power {power}: {found}, expected {exact}");
+        }
+    }
+
+    /// While it settles, the deficits of its frames shift the reference; later frames count from there.
+    #[test]
+    fn settling_frames_shift_the_reference() {
+        let settings = ConsistencySettings { settle: 2, memory: 1.0, flat: 1.0, ..ConsistencySettings::default() };
+        let mut monitor = ConsistencyMonitor::new(settings);
+        let mut deficit = |evidence: f64| monitor.judge(evidence, &[0.0, -50.0], REFERENCE).frame_deficit;
+        // Shares of the gap of 10 nats: 0.1 and 0.3, with a mean of 0.2.
+        deficit(-3.0);
+        deficit(-5.0);
+        for (evidence, exact) in [(-4.0, 0.0), (-6.0, 0.25), (-8.0, 0.5), (-3.0, 0.0)] {
+            assert!((deficit(evidence) - exact).abs() < 1e-12, "evidence {evidence}");
+        }
+    }
+
+    /// After the first frames every third one is learned, below a deficit that is smaller during a search.
+    #[test]
+    fn frames_to_learn_from_follow_the_settings() {
+        let settings = ConsistencySettings {
+            settle: 2,
+            every: 3,
+            threshold: 0.5,
+            while_lost: 0.2,
+            memory: 1.0,
+            flat: 1.0,
+            ..ConsistencySettings::default()
+        };
+        let mut monitor = ConsistencyMonitor::new(settings);
+        let mut learns = |evidence: f64, frame, lost| {
+            monitor.judge(evidence, &[0.0, -50.0], REFERENCE);
+            monitor.learns(frame, lost)
+        };
+        assert!(learns(-2.0, 1, false), "it settles");
+        assert!(!learns(-2.0, 2, false) && learns(-2.0, 3, false) && !learns(-2.0, 4, false));
+        assert!(learns(-3.5, 6, true) && learns(-3.5, 6, false), "a deficit of 0.15");
+        assert!(!learns(-5.0, 6, true) && learns(-5.0, 6, false), "a deficit of 0.3");
+        assert!(!learns(-8.0, 6, true) && !learns(-8.0, 6, false), "a deficit of 0.6");
+    }
 }
