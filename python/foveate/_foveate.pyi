@@ -493,6 +493,7 @@ def export_boxes(
     """
 def measure_tracks(
     points: Sequence[tuple[str, Sequence[tuple[Any, ...]]]],
+    reference: Sequence[tuple[Any, ...]] | None,
     ruler: tuple[Sequence[float], float, float] | None,
     origin: tuple[float, float] | None,
     angle: float,

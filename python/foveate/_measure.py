@@ -104,6 +104,7 @@ def measure(
     angle: float = 0.0,
     fps: float | tuple[float, float] | None = None,
     lens: str | os.PathLike[str] | None = None,
+    reference: Sequence[float] | None = None,
     **tracker: Any,
 ) -> dict[str, Measurement]: ...
 @overload
@@ -117,6 +118,7 @@ def measure(
     angle: float = 0.0,
     fps: float | tuple[float, float] | None = None,
     lens: str | os.PathLike[str] | None = None,
+    reference: Sequence[float] | None = None,
     **tracker: Any,
 ) -> Measurement: ...
 def measure(
@@ -129,6 +131,7 @@ def measure(
     angle: float = 0.0,
     fps: float | tuple[float, float] | None = None,
     lens: str | os.PathLike[str] | None = None,
+    reference: Sequence[float] | None = None,
     **tracker: Any,
 ) -> Measurement | dict[str, Measurement]:
     """Measures motion with errors, as the program ``foveate measure`` does, with the same numbers.
@@ -154,6 +157,8 @@ def measure(
         Pictures per second at which the scene was recorded. Default: the times of the video.
     lens : path, optional
         A calibration file of OpenCV, whose distortion is taken out.
+    reference : four numbers, optional
+        A box around a thing at rest in the first picture, for a moving camera. It is tracked too, and positions are relative to it.
     **tracker
         Arguments of :class:`foveate.Tracker`, such as ``profile`` and ``seed``.
 
@@ -188,22 +193,29 @@ def measure(
     if isinstance(video, (str, os.PathLike)):
         channels = str(tracker.get("channels", "rgb"))
         with Video(video, channels="bgr" if channels.startswith("bgr") else "rgb") as opened:
-            tracks = _tracks(opened, points, fps is not None, tracker)
+            tracks = _tracks(opened, points, reference, fps is not None, tracker)
     else:
-        tracks = _tracks(video, points, fps is not None, tracker)
+        tracks = _tracks(video, points, reference, fps is not None, tracker)
+    still = None if reference is None else tracks.pop()
     if ruler is not None and len(ruler) not in (5, 6):
         raise InputError(f"ruler is (x1, y1, x2, y2, metres) or with its error; it has {len(ruler)} numbers")
     length = None if ruler is None else (list(ruler[:4]), ruler[4], ruler[5] if len(ruler) == 6 else 0.0)
     clock = fps if fps is None or isinstance(fps, tuple) else (fps, 0.0)
     requests = [fit] if isinstance(fit, str) else list(fit)
-    found = measure_tracks(tracks, length, origin, angle, clock, requests, lens)
+    found = measure_tracks(list(zip(points, tracks)), still, length, origin, angle, clock, requests, lens)
     measured = {name: _measurement(fields) for name, fields in zip(points, found)}
     return measured if isinstance(init, Mapping) else measured["1"]
 
 
-def _tracks(video: Any, points: Mapping[str, Sequence[float]], timed: bool, settings: dict[str, Any]) -> list[tuple[str, list[Any]]]:
-    """Follows the points, and returns their positions by name."""
+def _tracks(
+    video: Any, points: Mapping[str, Sequence[float]], reference: Sequence[float] | None, timed: bool, settings: dict[str, Any]
+) -> list[list[Any]]:
+    """Follows the points, then the reference, and returns the positions of each."""
     trackers = [(Tracker(**settings), box, list[Any]()) for box in points.values()]
+    if reference is not None:
+        # With another seed than the points: their errors are independent of its errors.
+        seed = (Tracker(**settings).seed + 1) % 2**64
+        trackers.append((Tracker(**settings | {"seed": seed}), reference, list[Any]()))
     for at, image in enumerate(video):
         opened = video if isinstance(video, Video) else None
         frame, time = (at, None) if opened is None else (opened.frame, opened.time)
@@ -217,7 +229,7 @@ def _tracks(video: Any, points: Mapping[str, Sequence[float]], timed: bool, sett
             covariance = None if c is None else (c[0, 0], c[0, 1], c[1, 1])
             centre, status = (seen.state.x, seen.state.y), "given" if at == 0 else seen.status
             track.append((frame, 0.0 if time is None else time, centre, covariance, seen.p_lost, status, seen.ok))
-    return [(name, track) for name, (_, _, track) in zip(points, trackers)]
+    return [track for _, _, track in trackers]
 
 
 def _measurement(fields: dict[str, Any]) -> Measurement:

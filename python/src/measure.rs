@@ -25,6 +25,7 @@ type Length = ([f64; 4], f64, f64);
 pub(crate) fn measure_tracks<'py>(
     py: Python<'py>,
     points: Vec<(String, Vec<Frame>)>,
+    reference: Option<Vec<Frame>>,
     ruler: Option<Length>,
     origin: Option<(f64, f64)>,
     angle: f64,
@@ -62,10 +63,11 @@ pub(crate) fn measure_tracks<'py>(
         status,
         usable,
     };
-    let track =
-        |(name, frames): (String, Vec<Frame>)| Track { name, positions: frames.into_iter().map(position).collect() };
-    let points: Vec<Track> = points.into_iter().map(track).collect();
-    let measured = py.detach(|| measure::measure(&points, None, &settings)).or_raise(py)?;
+    let positions = |frames: Vec<Frame>| -> Vec<Position> { frames.into_iter().map(position).collect() };
+    let points: Vec<Track> =
+        points.into_iter().map(|(name, frames)| Track { name, positions: positions(frames) }).collect();
+    let reference = reference.map(positions);
+    let measured = py.detach(|| measure::measure(&points, reference.as_deref(), &settings)).or_raise(py)?;
     measured.iter().map(|point| fields(py, point, requested)).collect()
 }
 

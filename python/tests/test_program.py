@@ -73,19 +73,20 @@ def test_a_drawn_sequence_has_the_boxes_of_the_program(pictures: Any, tmp_path: 
         np.testing.assert_array_equal(read, picture[..., ::-1])
 
 
-def test_measurements_are_those_of_the_program(pictures: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("reference", [None, (5, 70, 30, 30)])
+def test_measurements_are_those_of_the_program(pictures: Any, tmp_path: Path, reference: tuple[float, ...] | None) -> None:
     (tmp_path / "video").mkdir()
     for t, picture in enumerate(pictures):
         write_png(tmp_path / "video" / f"{t + 1:04}.png", picture)
     done = program(
         "measure", "video", "--init", "41,31,24,24", "--init", "6,9,30,30", "--names", "ball,wall", "--no-video", "--no-report",
         "--ruler", "1,1,101,1=1.5+-0.01m", "--origin", "21,11", "--angle", "10", "--fps", "50+-0.5", "--fit", "line:x",
-        "--fit", "parabola:y:0.1-0.4", cwd=tmp_path,
+        "--fit", "parabola:y:0.1-0.4", *(() if reference is None else ("--reference", "6,71,30,30")), cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     points = foveate.measure(
         foveate.Video(tmp_path / "video"), {"ball": FIRST, "wall": (5, 8, 30, 30)}, ruler=(0, 0, 100, 0, 1.5, 0.01), origin=(20, 10),
-        angle=10, fps=(50, 0.5), fit=["line:x", "parabola:y:0.1-0.4"],
+        angle=10, fps=(50, 0.5), fit=["line:x", "parabola:y:0.1-0.4"], reference=reference,
     )  # fmt: skip
     wanted = json.loads((tmp_path / "out" / "fits.json").read_text())["fits"]
     with (tmp_path / "out" / "measure.csv").open() as file:

@@ -106,8 +106,8 @@ impl Measured {
         let mut reference = None;
         if let Some(bbox) = measure.reference {
             check_box("the box of --reference", &bbox, about)?;
-            // Its random streams are those of another target.
-            reference = Some(Follower::new(blueprint.tracker_of(seed, 1)?, bbox));
+            // With another seed than the points: their errors are independent of its errors.
+            reference = Some(Follower::new(blueprint.tracker(seed.wrapping_add(1))?, bbox));
         }
         Ok(Self { measure: measure.clone(), reference, others, lines: Lines::default() })
     }
