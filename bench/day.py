@@ -4,10 +4,10 @@
   bench/day.py PROGRAM [--hours 24] [--minutes 35] [--seed 1] [--faults 1] [--size 64x48] [--config natural-fast] [OPTION ...]
 
 Frames are 1/25 s of video apart and sent as fast as they are tracked, until `--hours` of video or `--minutes` of time are over. Other
-options are those of foveate track. Faults are random, each kind at the rate FAULTS an hour of video, times `--faults`. Needs ffmpeg. Prints a row for each hour of video: resident memory of foveate,
-its open files and threads, latency, and the share of frames with the box on the target (IoU of 0.5 or more). Then faults sent against
-faults in the log, and how many frames after a fault the box is on the target. The exit status is 1 if a count differs, a track is not
-resumed, or memory or files grow.
+options are those of foveate track. Faults are random, each kind at the rate FAULTS an hour of video, times `--faults`. Needs ffmpeg.
+Prints a row for each hour of video: resident memory of foveate, its open files and threads, latency, and the share of frames with the
+box on the target (IoU of 0.5 or more). Then faults sent against faults in the log, and how many frames after a fault the box is on the
+target. The exit status is 1 if a count differs, a track is not resumed, or memory or files grow.
 """
 import argparse, collections, json, os, random, re, socket, statistics, struct, subprocess, tempfile, threading, time
 

@@ -331,17 +331,17 @@ mod tests {
             member.voter.reset_at(&target(x));
         }
         let image = picture();
-        let told = committee.step_on(Scene { image: &image, detections: &[] });
-        let (bbox, p_lost, status, phase) = (told.bbox, told.p_lost, told.status, told.phase);
+        let seen = committee.step_on(Scene { image: &image, detections: &[] });
+        let (bbox, p_lost, status, phase) = (seen.bbox, seen.p_lost, seen.status, seen.phase);
         let (own, confidence) = committee.members[0].voter.reported();
         assert_eq!((bbox, confidence.status), (own, Status::Tracking));
         assert!((p_lost - (1.0 - (1.0 - confidence.p_lost) / 3.0)).abs() < 1e-12, "{p_lost}");
         assert_eq!((status, phase), (Status::Occluded, Phase::of(Status::Occluded)));
     }
 
-    /// Voters and second trackers take what their ensemble is told.
+    /// A new template and the visible share reach voters and second trackers.
     #[test]
-    fn all_trackers_take_what_their_ensemble_is_told() {
+    fn templates_and_visibility_reach_all_trackers() {
         use crate::engine::toy::{Toy, parts, picture, target};
         use std::sync::atomic::Ordering;
         let toys: Vec<_> = (0..4).map(|_| Toy::at(50.0)).collect();

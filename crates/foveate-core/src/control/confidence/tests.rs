@@ -409,19 +409,6 @@ fn a_series_is_judged_again_by_its_cues() {
     }
 }
 
-/// One sure member wins against two doubtful ones at one place, and the first of equal members wins.
-#[test]
-fn a_vote_counts_the_probability_that_a_member_is_right() {
-    let at = |x: f64, p_lost: f64| Ballot {
-        bbox: crate::geometry::BBox::new(x, 0.0, 10.0, 10.0),
-        p_lost,
-        is_searching: false,
-    };
-    assert_eq!(Vote::elect(&[at(0.0, 0.7), at(0.0, 0.7), at(40.0, 0.3)]).0, 2);
-    assert_eq!(Vote::elect(&[at(0.0, 0.9), at(40.0, 0.1)]).0, 1);
-    assert_eq!(Vote::elect(&[at(0.0, 0.2), at(0.0, 0.2)]).0, 0);
-}
-
 /// A place is apart if it is more than a template unit from the estimate along either axis.
 #[test]
 fn places_are_apart_along_either_axis() {
@@ -436,24 +423,5 @@ fn places_are_apart_along_either_axis() {
         (20.0, 51.0, true),
     ] {
         assert_eq!(apart(&State { x, y, ..State::default() }, &frame), exact, "{x}, {y}");
-    }
-}
-
-/// The vote calls a target lost at a P(lost) of 0.5, and found below 0.45 if a member at its box has found it.
-#[test]
-fn the_vote_has_thresholds_of_its_own() {
-    use super::vote::{Ballot, Vote};
-    use crate::geometry::BBox;
-    let mut vote = Vote::new(&ConfidenceModel::default());
-    for (p_lost, is_searching, lost) in [
-        (0.49, false, false),
-        (0.51, false, true),
-        (0.46, false, true),
-        (0.44, true, true),
-        (0.44, false, false),
-        (0.46, false, false),
-    ] {
-        vote.count(&[Ballot { bbox: BBox::new(0.0, 0.0, 9.0, 9.0), p_lost, is_searching }]);
-        assert_eq!(vote.is_searching(), lost, "after {p_lost}, {is_searching}");
     }
 }

@@ -173,4 +173,29 @@ mod tests {
         let (.., status) = vote.count(&[at(0.0, 0.0), searching(1.0), searching(2.0)]);
         assert_eq!((status, vote.is_searching()), (Status::Reacquired, false));
     }
+
+    /// One sure member wins against two doubtful ones at one place, and the first of equal members wins.
+    #[test]
+    fn a_vote_counts_the_probability_that_a_member_is_right() {
+        assert_eq!(Vote::elect(&[at(0.0, 0.7), at(0.0, 0.7), at(40.0, 0.3)]).0, 2);
+        assert_eq!(Vote::elect(&[at(0.0, 0.9), at(40.0, 0.1)]).0, 1);
+        assert_eq!(Vote::elect(&[at(0.0, 0.2), at(0.0, 0.2)]).0, 0);
+    }
+
+    /// The vote calls a target lost at a P(lost) of 0.5, and found below 0.45 if a member at its box has found it.
+    #[test]
+    fn the_vote_has_thresholds_of_its_own() {
+        let mut vote = Vote::new(&ConfidenceModel::default());
+        for (p_lost, is_searching, lost) in [
+            (0.49, false, false),
+            (0.51, false, true),
+            (0.46, false, true),
+            (0.44, true, true),
+            (0.44, false, false),
+            (0.46, false, false),
+        ] {
+            vote.count(&[Ballot { is_searching, ..at(0.0, p_lost) }]);
+            assert_eq!(vote.is_searching(), lost, "after {p_lost}, {is_searching}");
+        }
+    }
 }
