@@ -1,4 +1,4 @@
-//! The paper's parts that no shipped configuration uses, under their names in configurations.
+//! The paper's components that no shipped configuration uses, under their names in configurations.
 
 use std::path::Path;
 

@@ -13,7 +13,7 @@ where ``--init`` is not given. A video that ``foveate track`` refuses is not tri
 ``'s3://bucket/*.mp4'`` and other addresses that the package fsspec supports work, too, for videos and for ``--out``: each task copies its
 video to its machine, and its results from there when they are whole, the summary last.
 
-``eval``: a task for each of ``--parts`` parts of the runs (``--shard``), which keep them in ``OUT/runs``; then the
+``eval``: a task for each of ``--parts`` shards of the runs (``--shard``), which keep them in ``OUT/runs``; then the
 program itself makes tables and page of them, here. A second call does only the runs that are not there yet.
 
 What a worker that dies was doing is tried again, ``--retries`` times. On a cluster all paths, this folder among them, must be shared by
@@ -84,7 +84,7 @@ def track(video: str, out: str, options: Sequence[str], folder: str = ".") -> st
 
 
 def part(command: Sequence[str], out: str, which: str, options: Sequence[str], folder: str = ".") -> str:
-    """Does a part of the runs of ``foveate eval``, such as ``"1/4"``; answers the error."""
+    """Does a shard of the runs of ``foveate eval``, such as ``"1/4"``; answers the error."""
     with _places.nearby(out) as here:
         return _called([*command, "--out", here, "--shard", which, *options], folder)[1]
 

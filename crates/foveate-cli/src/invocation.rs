@@ -1,4 +1,4 @@
-//! The invocation of the program: its arguments, its file, and the parts that it adds to those of the library.
+//! The invocation of the program: its arguments, its file, and the components that it adds to those of the library.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ pub fn set(arguments: &[OsString], program: PathBuf, parts: Parts) {
     let _ = INVOCATION.set(Invocation { words: arguments.to_vec(), program, parts });
 }
 
-/// Returns the parts that configurations may name beside those of the library.
+/// Returns the components that configurations may name beside those of the library.
 pub(crate) fn parts() -> Parts {
     INVOCATION.get().map_or_else(Parts::new, |it| it.parts.clone())
 }

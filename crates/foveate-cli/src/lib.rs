@@ -1,6 +1,6 @@
 //! The `foveate` command: follow one target or many through video, on a CPU.
 //!
-//! [`main_with`] is the whole program, with your own parts beside those of the library. Programs that only track use the crate `foveate`.
+//! [`main_with`] is the whole program, with your own components beside those of the library. Programs that only track use the crate `foveate`.
 #![forbid(unsafe_code)]
 // Use `say!` instead: a closed standard output must not cause a panic.
 #![deny(clippy::print_stdout, clippy::print_stderr)]

@@ -60,19 +60,19 @@ impl Finished for Run {
     }
 }
 
-/// Parses a part of the runs as `--shard` gives it: `1/4` is (0, 4).
+/// Parses a shard of the runs as `--shard` gives it: `1/4` is (0, 4).
 pub fn parse_shard(text: &str) -> std::result::Result<(u32, u32), String> {
     let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse::<u32>().ok()?, n.parse::<u32>().ok()?)));
     match parts {
         Some((i, n)) if (1..=n).contains(&i) => Ok((i - 1, n)),
-        _ => Err(format!("expected a part and the number of parts, such as 1/4, got {text}")),
+        _ => Err(format!("expected a shard and the number of shards, such as 1/4, got {text}")),
     }
 }
 
-/// Prints what to do with a part of the runs.
+/// Prints what to do with a shard of the runs.
 pub fn part_is_done(out: &Path) {
-    say!("{}: this part is done. Put all parts together by the same command without --shard and with", out.display());
-    say!("--merge DIR for each part's folder.");
+    say!("{}: this shard is done. Combine all shards with the same command, without --shard, and with", out.display());
+    say!("--merge DIR for the folder of each shard.");
 }
 
 /// Returns the error of a stopped command; finished runs are kept in `kept`.

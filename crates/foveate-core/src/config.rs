@@ -128,7 +128,7 @@ impl Config {
         BUILTIN.iter().map(|b| b.0).collect()
     }
 
-    /// Checks that numbers are in range and the parts fit; model files are read from `files`.
+    /// Checks that numbers are in range and the components fit; model files are read from `files`.
     pub fn check(self, files: &dyn Files) -> Result<Blueprint> {
         self.ranges()?;
         let DynamicsConfig::Autoregressive(motion) = &self.dynamics;
@@ -244,20 +244,20 @@ impl std::fmt::Debug for Blueprint {
 }
 
 impl Blueprint {
-    /// The parts of a tracker of this seed and target.
+    /// The components of a tracker of this seed and target.
     pub(crate) fn origin(&self, seed: u64, target: u64) -> Origin {
         let chain = std::iter::successors(Some(self), |blueprint| blueprint.second.as_deref());
         let value = |blueprint: &Self| serde_json::to_value(&blueprint.config).expect("a configuration is plain data");
         Origin { seed, target, configurations: chain.map(value).collect() }
     }
-    /// The parts of all trackers that vote on one target.
+    /// The components of all trackers that vote on one target.
     pub(crate) fn members(&self) -> Result<Vec<crate::engine::Parts>> {
         (0..self.config.committee).map(|_| self.parts()).collect()
     }
-    /// The parts of a tracker.
+    /// The components of a tracker.
     ///
     /// # Errors
-    /// None for a checked configuration; [`Error::Config`] where a part cannot be made after all.
+    /// None for a checked configuration; [`Error::Config`] where a component cannot be made after all.
     pub fn parts(&self) -> Result<crate::engine::Parts> {
         let c = &self.config;
         let DynamicsConfig::Autoregressive(dynamics) = &c.dynamics;

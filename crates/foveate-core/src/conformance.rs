@@ -44,7 +44,7 @@ fn assert_mean(values: &[f64], exact: f64, what: &str) {
     assert!((mean - exact).abs() < allowed, "{what}: {mean} is not {exact} ± {allowed}");
 }
 
-/// Returns an empty scene, for proposals and other parts that do not read it.
+/// Returns an empty scene, for proposals and other components that do not read it.
 pub fn blank_image() -> Image {
     Image::grey(1, 1, 0)
 }
@@ -181,8 +181,8 @@ fn context(rng: &mut Rng) -> Context {
     Context { ess, deficit, frame_deficit, spread, lost: deficit > 0.6 }
 }
 
-/// Checks that every feature is finite and depends on its own row alone, bit for bit, for any number of rows at once, and that the parts
-/// of the encoder cover all features.
+/// Checks that every feature is finite and depends on its own row alone, bit for bit, for any number of rows at once, and that the groups
+/// of features cover all features.
 ///
 /// `glimpses` are conditioned rows, at least three.
 pub fn encoder(encoder: &dyn Encoder, glimpses: &[f32]) {

@@ -247,7 +247,7 @@ impl Engine {
         *recorded = gaze.rewards(belief, looks, target.extent, std::mem::take(recorded));
     }
 
-    /// If the policy has committed to one gaze, the appearance takes it, and is trained again from frame 1 on if it does not know it.
+    /// If the policy has committed to one gaze, the appearance takes it, and is trained again from frame 1 on if it was not trained for it.
     fn commit_gaze(&mut self) {
         let (streams, Parts { appearance, gaze, monitor, .. }) = (self.streams, &mut self.parts);
         let Some(gaze) = gaze.policy.committed_gaze() else { return };

@@ -1,7 +1,7 @@
-//! Extension points: the traits to implement, their conformance tests, and the names under which a configuration finds your parts.
+//! Extension points: the traits to implement, their conformance tests, and the names under which a configuration finds your components.
 //!
-//! Register a constructor under a name in [`Parts`]. A configuration with these parts may then have a section with `kind = "name"`; the
-//! other keys of the section are the settings that the constructor receives. `docs/extend.md` shows a part of each kind.
+//! Register a constructor under a name in [`Parts`]. A configuration with these components may then have a section with `kind = "name"`; the
+//! other keys of the section are the settings that the constructor receives. `docs/extend.md` shows a component of each kind.
 
 pub use crate::config::{EncoderSite, ObservationSite, Parts, ProposalSite};
 pub use crate::conformance;

@@ -192,7 +192,7 @@ pub const TRACK: &[Column] = &[
         "deficit",
         "",
         "Evidence deficit, an input of `p_lost`, smoothed over frames: 0 as on the target in frame 1, 1 as elsewhere, at most 2. \
-         Empty if frame 1 does not tell the target from other places.",
+         Empty if frame 1 does not separate the target from other places.",
     ),
     Column::new("p_lost", "", P_LOST),
     Column::new("status", "", STATUS),

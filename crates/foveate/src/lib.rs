@@ -2,7 +2,7 @@
 //!
 //! You give a box in the first picture. Every later picture answers a box, its covariance, a status, and the probability that the
 //! target is lost. [`Tracker`] follows one target, [`MultiTracker`] many; a [`Profile`], a name or a [`Config`] chooses
-//! their parts.
+//! their components.
 //!
 //! ```
 //! use foveate::{BBox, Image, Profile, Tracker};
@@ -64,15 +64,15 @@
 //! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Exp3`], [`gaze::GpUcb`], [`gaze::Pool`], [`gaze::ExploreThenCommit`], [`gaze::Anchor`] |
 //! | the digit videos (sections 6.1, 6.2) | `lab::synthetic` |
 //!
-//! Configurations choose the parts by name ([`config`]). Every part is a trait with one to three methods that matter, and every trait has its
+//! Configurations choose the components by name ([`config`]). Every component is a trait with one to three methods that matter, and every trait has its
 //! laws ([`conformance`]). The same seed gives the same track, for any number of threads ([`rng`]).
 //!
-//! # Parts of your own
+//! # Components of your own
 //!
 //! A policy, an encoder, an observation model, a proposal, a detector or a reward of your own is a type that implements one trait of
-//! [`extend`]. Register it by name in [`extend::Parts`]; a configuration with these parts may then name it, for one target and for many.
+//! [`extend`]. Register it by name in [`extend::Parts`]; a configuration with these components may then name it, for one target and for many.
 //! The laws that it must keep are functions in [`extend::conformance`]. `docs/extend.md` shows each step, and how your own binary gets the
-//! whole program with your parts.
+//! whole program with your components.
 //!
 //! # Features
 //!

@@ -59,7 +59,7 @@ pub(crate) struct Args {
     /// Run a small variant of everything as a quick test: a minute or two
     #[arg(long)]
     quick: bool,
-    /// Do only part I of N of the runs and write no page, to distribute the runs over several machines; combine their folders with --merge
+    /// Do only shard I of N of the runs and write no page, to distribute the runs over several machines; combine their folders with --merge
     #[arg(long, value_name = "I/N", value_parser = runs::parse_shard)]
     shard: Option<(u32, u32)>,
     /// Also take finished runs from these other --out folders. Repeatable

@@ -84,7 +84,7 @@ pub(crate) struct Args {
     /// second are those of a busy machine. Always on with --choose, --shard and --merge
     #[arg(long, conflicts_with_all = ["results", "mot"])]
     pub side_by_side: bool,
-    /// Do only part I of N of the runs and compute no scores, to distribute the runs over several machines; combine their folders with
+    /// Do only shard I of N of the runs and compute no scores, to distribute the runs over several machines; combine their folders with
     /// --merge. A run is one sequence with one seed (and one candidate of --choose) in one thread, stored in runs/ of --out
     #[arg(long, value_name = "I/N", value_parser = runs::parse_shard, conflicts_with_all = ["results", "mot"])]
     pub shard: Option<(u32, u32)>,

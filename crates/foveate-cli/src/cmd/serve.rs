@@ -48,7 +48,7 @@ pub(crate) struct Args {
     /// Accept requests from other machines. Requires a token, and --address with this machine's address in the network or 0.0.0.0
     #[arg(long)]
     allow_remote: bool,
-    /// Secret of at least 16 letters and digits that must be part of the opened address; default: $FOVEATE_TOKEN
+    /// Secret of at least 16 letters and digits that the opened address must contain; default: $FOVEATE_TOKEN
     #[arg(long, value_name = "SECRET")]
     token: Option<String>,
     #[command(flatten)]

@@ -9,7 +9,7 @@ use foveate_base::{Error, Result};
 pub enum Profile {
     /// A quarter of the particles, nearly three times the speed of the other: `natural-fast`.
     Fast,
-    /// One tracker with all parts: `natural`.
+    /// One tracker with all components: `natural`.
     #[default]
     Balanced,
     /// Three `natural` trackers that vote: fewest failures, earliest reports of losses, a third of the speed on one core: `natural-committee`.

@@ -1,4 +1,4 @@
-//! The kinds of parts that the library has, as configurations name them.
+//! The kinds of components that the library has, as configurations name them.
 
 /// Gaze policies.
 pub const POLICIES: [&str; 12] = [

@@ -1,11 +1,11 @@
-//! A part of a user's own, as a configuration names it.
+//! A component of a user's own, as a configuration names it.
 
 use serde::de::DeserializeOwned;
 use serde::{Serialize, Serializer};
 
 use foveate_base::{Error, Result};
 
-/// A section whose `kind` the library does not have: the name of a registered part, and its settings.
+/// A section whose `kind` the library does not have: the name of a registered component, and its settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OwnPart {
     kind: String,
@@ -16,11 +16,11 @@ impl OwnPart {
     pub(super) fn new(kind: String, settings: toml::Table) -> Self {
         Self { kind, settings }
     }
-    /// The name of the part.
+    /// The name of the component.
     pub fn kind(&self) -> &str {
         &self.kind
     }
-    /// The settings as a type of the part's own.
+    /// The settings as a type of the component's own.
     ///
     /// # Errors
     /// [`Error::Config`] if they do not fit.

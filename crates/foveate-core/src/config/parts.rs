@@ -1,4 +1,4 @@
-//! Constructors of parts, by the names that configurations use.
+//! Constructors of components, by the names that configurations use.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,7 +18,7 @@ use crate::scene::Detector;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
-/// Parts that a program adds to those of the library, by name.
+/// Components that a program adds to those of the library, by name.
 ///
 /// Each method registers a constructor. The constructor receives the keys beside `kind` of the section that names it, as a type of yours
 /// that serde can read: use `#[serde(deny_unknown_fields)]`, so that a misspelled key is an error. It is called once for each tracker or
@@ -147,14 +147,14 @@ impl ProposalSite {
 }
 
 impl Parts {
-    /// No parts beside those of the library.
+    /// No components beside those of the library.
     pub fn new() -> Self {
         Self::default()
     }
     /// Adds a gaze policy, for `policy.kind`.
     ///
     /// # Panics
-    /// If the library or these parts have a policy of this name.
+    /// If the library or these components have a policy of this name.
     pub fn with_policy<S: DeserializeOwned, P: Policy + 'static>(
         mut self,
         name: &str,
@@ -168,7 +168,7 @@ impl Parts {
     /// the configuration ([`EncoderSite::retina`]), or its own.
     ///
     /// # Panics
-    /// If the library or these parts have an encoder of this name.
+    /// If the library or these components have an encoder of this name.
     pub fn with_encoder<S: DeserializeOwned, E: Encoder + 'static>(
         mut self,
         name: &str,
@@ -184,7 +184,7 @@ impl Parts {
     /// Adds an observation model, for `observation_model.kind`. It takes the place of retina, encoder and distance.
     ///
     /// # Panics
-    /// If these parts have an observation model of this name.
+    /// If these components have an observation model of this name.
     pub fn with_observation_model<S: DeserializeOwned, A: Appearance + 'static>(
         mut self,
         name: &str,
@@ -199,7 +199,7 @@ impl Parts {
     /// Adds a proposal, for `proposal.kind`.
     ///
     /// # Panics
-    /// If the library or these parts have a proposal of this name.
+    /// If the library or these components have a proposal of this name.
     pub fn with_proposal<S: DeserializeOwned, P: Proposal + 'static>(
         mut self,
         name: &str,
@@ -214,7 +214,7 @@ impl Parts {
     /// Adds a detector, for `detector.kind`. The constructor is called once for each video.
     ///
     /// # Panics
-    /// If the library or these parts have a detector of this name.
+    /// If the library or these components have a detector of this name.
     pub fn with_detector<S: DeserializeOwned, D: Detector + 'static>(
         mut self,
         name: &str,
@@ -227,7 +227,7 @@ impl Parts {
     /// Adds a reward, for `reward.kind`.
     ///
     /// # Panics
-    /// If the library or these parts have a reward of this name.
+    /// If the library or these components have a reward of this name.
     pub fn with_reward<S: DeserializeOwned, R: Reward + 'static>(
         mut self,
         name: &str,

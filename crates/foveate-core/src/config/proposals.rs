@@ -36,7 +36,7 @@ pub enum ProposalConfig {
 pub enum DetectorConfig {
     /// Differences from a learned background. For a fixed camera.
     Motion,
-    /// As `motion`, with boxes of upright pedestrians: parts above each other are joined, wide ones split.
+    /// As `motion`, with boxes of upright pedestrians: regions above each other are joined, wide ones split.
     Walkers,
     /// Salient regions (Itti and Koch).
     Saliency,

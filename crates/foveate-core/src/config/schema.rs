@@ -1,4 +1,4 @@
-//! The content of a configuration file: names of parts, and their numbers.
+//! The content of a configuration file: names of components, and their numbers.
 
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ pub struct Config {
     /// Whether the target's centre is clamped to the picture.
     #[serde(default)]
     pub clamp_to_frame: bool,
-    /// Whether a first box that is too large shrinks to the part of it that moves as one; the reported box keeps its size.
+    /// Whether a first box that is too large shrinks to the region of it that moves as one; the reported box keeps its size.
     #[serde(default)]
     pub shrink_first_box: bool,
     /// q(xₜ | xₜ₋₁, scene).
@@ -122,7 +122,7 @@ pub struct Config {
     /// What happens between targets, where many are followed.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub multi_target: Option<crate::multi::Settings>,
-    /// The parts that its sections may name beside those of the library; see [`Config::with_parts`].
+    /// The components that its sections may name beside those of the library; see [`Config::with_parts`].
     #[serde(skip, default = "super::sections::parts")]
     pub parts: Parts,
 }

@@ -1,4 +1,4 @@
-//! Sections of a configuration that name a part of the library or a registered one.
+//! Sections of a configuration that name a component of the library or a registered one.
 
 use std::cell::RefCell;
 use std::fmt;
@@ -15,7 +15,7 @@ use super::policies::PolicyConfig;
 use super::proposals::{DetectorConfig, ProposalConfig};
 use super::rewards::RewardConfig;
 
-/// A section that names a part by its `kind`.
+/// A section that names a component by its `kind`.
 trait Section: Sized {
     const NAME: &'static str;
     /// The kinds of the library.
@@ -27,11 +27,11 @@ trait Section: Sized {
 }
 
 thread_local! {
-    /// The parts of the configuration that is being read: serde hands no context to the types that it reads.
+    /// The components of the configuration that is being read: serde hands no context to the types that it reads.
     static PARTS: RefCell<Parts> = RefCell::default();
 }
 
-/// Reads a configuration whose sections may name these parts.
+/// Reads a configuration whose sections may name these components.
 pub(super) fn reading<T>(parts: &Parts, read: impl FnOnce() -> T) -> T {
     struct Restore(Parts);
     impl Drop for Restore {
@@ -43,7 +43,7 @@ pub(super) fn reading<T>(parts: &Parts, read: impl FnOnce() -> T) -> T {
     read()
 }
 
-/// The parts of the configuration that is being read.
+/// The components of the configuration that is being read.
 pub(super) fn parts() -> Parts {
     PARTS.with_borrow(Parts::clone)
 }
@@ -112,7 +112,7 @@ impl<T: Section> Visitor<'_> for Kind<T> {
     }
 }
 
-/// For enums that derive serde's traits with `remote = "Self"` and skip a variant `Own`: a registered part is read as `Own`.
+/// For enums that derive serde's traits with `remote = "Self"` and skip a variant `Own`: a registered component is read as `Own`.
 macro_rules! sections {
     ($($section:ident: $name:literal, $builtin:ident;)*) => {$(
         impl Section for $section {

@@ -164,7 +164,7 @@ impl LossMonitor {
         &self.model
     }
 
-    /// Forgets the past: the target was just given.
+    /// Resets the monitor: the target was just given.
     pub fn reset(&mut self) {
         self.state = LossState::none();
     }

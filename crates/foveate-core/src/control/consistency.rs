@@ -76,7 +76,7 @@ impl ConsistencyMonitor {
         Self { settings, state: ConsistencyState::default() }
     }
 
-    /// Forgets the past: the target was just given.
+    /// Resets to the first frame: the target was just given.
     pub fn reset(&mut self) {
         self.state = ConsistencyState::default();
     }

@@ -40,7 +40,7 @@ pub(crate) struct Toy {
 /// A memory that counts what it receives.
 #[derive(Default)]
 pub(crate) struct Learned {
-    /// How often everything was forgotten.
+    /// Number of resets.
     pub forgotten: Arc<AtomicUsize>,
     /// The number of distractors in each lesson.
     pub lessons: Vec<usize>,

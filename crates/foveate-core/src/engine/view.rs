@@ -96,7 +96,7 @@ impl<'a> View<'a> {
     }
 
     /// Computes the colour distance of each place, and its score less these nats per unit of colour distance. Returns false if colours do
-    /// not tell the target from its surroundings.
+    /// not separate the target from its surroundings.
     pub(super) fn colour_scores(
         &mut self,
         places: &[State],

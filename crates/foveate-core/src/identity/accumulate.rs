@@ -83,7 +83,7 @@ impl Accumulator {
             }
         }
     }
-    /// Forgets all frames.
+    /// Discards all frames.
     pub fn reset(&mut self) {
         self.evidence.fill(0.0);
     }

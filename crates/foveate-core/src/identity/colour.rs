@@ -140,7 +140,7 @@ impl Colour {
         self.judge();
     }
 
-    /// Forgets all that was learned since the first frame.
+    /// Resets to the first frame.
     pub(super) fn restart(&mut self) {
         self.state.recent.clone_from(&self.state.first);
         self.judge();

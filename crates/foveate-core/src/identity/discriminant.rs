@@ -115,7 +115,7 @@ impl Discriminant {
         self.layout.as_ref().map_or(&[], Layout::gazes)
     }
 
-    /// Serves this committed gaze from now on. Returns false if it knows the last one only.
+    /// Serves this committed gaze from now on. Returns false if it was trained for the last one only.
     pub(super) fn commit(&mut self, gaze: Gaze) -> bool {
         self.layout.as_mut().is_some_and(|layout| layout.commit(gaze))
     }

@@ -117,7 +117,7 @@ pub trait Appearance: Send + Sync {
         *percept = Percept { gaze, distance: -log_likelihood[0], ..Percept::default() };
     }
     /// Writes how far the colours at each of these states are from those of the target in frame 1, robust to blur: 0 on the target, 1 in
-    /// colours of the surroundings. Returns false, and writes nothing, if colours do not tell the target from its surroundings.
+    /// colours of the surroundings. Returns false, and writes nothing, if colours do not separate the target from its surroundings.
     fn colour_distances(&mut self, _image: &Image, _states: &[State], _out: &mut [f64]) -> bool {
         false
     }
@@ -133,7 +133,7 @@ pub trait Appearance: Send + Sync {
     fn committed_gaze(&self) -> Gaze {
         Gaze::CENTRE
     }
-    /// Commits to this gaze, and learns the first frame anew under it if it does not know it. Returns the log-likelihoods to expect under
+    /// Commits to this gaze, and is trained on the first frame again if it was not trained for this gaze. Returns the log-likelihoods to expect under
     /// this gaze; `None`, and nothing happens, if it cannot.
     fn commit_gaze(&mut self, _gaze: Gaze, _streams: Streams) -> Option<ReferenceLikelihood> {
         None
@@ -175,10 +175,10 @@ pub trait Memory {
     /// Learns the target at `state` of the prepared frame, and not at the `distractors`, as far as the lesson permits. The frame has to be
     /// prepared again before more looks.
     fn learn(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson);
-    /// Forgets all that was learned since the first frame, because it was learned from another object. The frame has to be prepared again
+    /// Resets all that was learned since the first frame, because it was learned from another object. The frame has to be prepared again
     /// before more looks.
     fn forget(&mut self);
-    /// Learns the first frame again, with places that look like the target there and are not: hard negatives, which are never forgotten.
+    /// Learns the first frame again, with places that look like the target there and are not: hard negatives, which stay in the training set.
     /// Called after [`Appearance::init_template`], with the same picture and state.
     fn init_distractors(&mut self, _image: &Image, _state: &State, _distractors: &[State]) {}
 }
@@ -198,7 +198,7 @@ pub trait Recognizer: Send + Sync {
     fn width(&self) -> usize;
     /// Takes in one look more, and writes log p(c | the looks it remembers), nats, one a class.
     fn recognize(&mut self, features: &[f32], gaze: Gaze, log_p: &mut [f64]);
-    /// Forgets all looks.
+    /// Discards all looks.
     fn reset(&mut self);
     /// The looks it remembers.
     fn save(&self) -> SavedState;

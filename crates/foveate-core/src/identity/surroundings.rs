@@ -61,7 +61,7 @@ impl Surroundings {
         self.places
     }
 
-    /// Forgets all frames.
+    /// Discards all frames.
     pub(crate) fn clear(&mut self) {
         self.state.oldest = 0;
         for frame in &mut self.state.frames {
@@ -207,7 +207,7 @@ mod tests {
         for _ in 0..2 {
             memory.remember(&places[2], EXTENT, &places, &rows);
         }
-        // Of three, one says +1 and two say -1.
+        // Of three, one votes +1 and two vote -1.
         assert!((memory.elsewhere(&axis(2)) + 1.0 / 3.0).abs() < 1e-12);
         memory.remember(&places[2], EXTENT, &places, &rows);
         assert_eq!(memory.elsewhere(&axis(2)), -1.0, "the first frame is forgotten");

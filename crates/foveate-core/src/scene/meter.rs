@@ -16,7 +16,7 @@ impl Meter {
         let edges = Vec::with_capacity(2 * rectangles);
         Self { windows: Vec::with_capacity(rectangles), edges, spans: Vec::with_capacity(rectangles) }
     }
-    /// Forgets all rectangles.
+    /// Discards all rectangles.
     pub fn clear(&mut self) {
         self.windows.clear();
     }

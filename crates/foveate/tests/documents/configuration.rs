@@ -226,7 +226,7 @@ impl Part<'_> {
             ("String", _) => "text".into(),
             ("Schedule", _) => "number, `\"anytime\"` or `{ frames = 300 }`".into(),
             ("[f64; OWN]", _) => format!("{} numbers", foveate_core::control::OWN),
-            ("OwnPart", _) => "section of a part of your own".into(),
+            ("OwnPart", _) => "section of your own component".into(),
             ("Vec<f32>", _) => "list of numbers".into(),
             ("Vec<usize>", _) => "list of integers".into(),
             ("Patch", _) => "`[reach, values]`".into(),

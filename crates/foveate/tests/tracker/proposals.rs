@@ -90,7 +90,7 @@ fn false_detections_do_not_take_the_track_away() {
 }
 
 /// A digit on black that jumps by three half boxes, in a video with a saliency detector: frames until it is found again.
-/// The dynamics are those of `natural-raw`, eleven deviations: too far for draws of p, but not for what p allows a look to say.
+/// The dynamics are those of `natural-raw`, eleven deviations: too far for draws of p, but not too far for the likelihood of a look.
 fn found_after(lines: &str, seed: u64) -> Option<usize> {
     let digit = Digits::drawn(seed, 1).digit((seed % 10) as usize).to_vec();
     let [digits, natural] =

@@ -1,6 +1,6 @@
 //! Vote of several trackers of one target on the reported box and P(lost).
 //!
-//! Each member k has a box bₖ and a probability of loss Pₖ. As a mixture of equal parts, the members expect the
+//! Each member k has a box bₖ and a probability of loss Pₖ. As a mixture with equal weights, the members expect the
 //! overlap Σ (1 − Pₖ) IoU(b, bₖ) / K of a box b; the member's box with the largest value is reported. A box is lost
 //! if its IoU with the target is below 0.1, so P(lost) = 1 − Σ (1 − Pₖ) [IoU(b, bₖ) ≥ 0.1] / K. Nothing is fitted.
 //!
@@ -41,7 +41,7 @@ impl Ballot {
 /// Counts ballots, and keeps the status of the track.
 #[derive(Clone, Debug)]
 pub struct Vote {
-    /// After so many lost frames a target is called lost.
+    /// Number of lost frames after which the status is lost.
     patience: usize,
     pub(crate) state: VoteState,
 }
@@ -54,12 +54,12 @@ pub(crate) struct VoteState {
 }
 
 impl Vote {
-    /// A vote of which nothing was counted yet. `model` is a member's: a lost target is called so after its `patience`.
+    /// A vote before the first frame, with the `patience` of a member's `model`.
     pub fn new(model: &ConfidenceModel) -> Self {
         Self { patience: model.patience, state: VoteState::default() }
     }
 
-    /// The rule by which the vote calls a target lost and found. Only a committee needs it; every target keeps a vote.
+    /// The rule of search and status. Only a committee needs it; every target keeps a vote.
     fn rule(&self) -> ConfidenceModel {
         ConfidenceModel {
             enter: OUT,
@@ -73,7 +73,7 @@ impl Vote {
         }
     }
 
-    /// Forgets the past: the target was just given.
+    /// Resets the vote: the target was just given.
     pub fn reset(&mut self) {
         self.state = VoteState::default();
     }
@@ -94,7 +94,7 @@ impl Vote {
         (elected, (1.0 - there).clamp(0.0, 1.0))
     }
 
-    /// Whether the target is lost by the vote: members then do not begin again at its box.
+    /// Whether the target is lost by the vote: members then do not restart at its box.
     pub fn is_searching(&self) -> bool {
         self.state.search.is_searching
     }

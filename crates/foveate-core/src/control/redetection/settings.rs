@@ -9,7 +9,7 @@ foveate_base::settings! {
         pub every: u64 = 4; 1.0 to 1e6,
         /// Distance of neighbouring places; it grows if there were more than 16,000, above 0 to 10.
         pub step: f64 = 0.3; 1e-3 to 10.0,
-        /// Approximate number of places scored in a frame. Larger pictures are searched in parts.
+        /// Approximate number of places scored in a frame. Larger pictures are searched over several frames.
         pub budget: usize = MOST as usize; 64.0 to MOST,
         /// Share of the particles that restart, 0 to 1.
         pub share: f64 = 0.3; 0.0 to 1.0,

@@ -13,7 +13,7 @@ foveate_base::settings! {
         pub first_frame_weight: f64 = 0.5; 0.0 to 1.0,
         /// Ridge added to the diagonal; features have a length of about 1.
         pub ridge: f64 = 0.003; 1e-6 to 1e3,
-        /// Probability of dropping each part of the features (gradients, grey, colour), in expectation, 0 to 0.9.
+        /// Probability of dropping each group of features (gradients, grey, colour), in expectation, 0 to 0.9.
         pub dropout: f64 = 0.0; 0.0 to 0.9,
         /// Standard deviation of the labels in position, template units, 0.01 to 10.
         pub spread: f64 = 0.2; 0.01 to 10.0,

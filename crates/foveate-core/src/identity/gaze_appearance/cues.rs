@@ -142,7 +142,7 @@ mod tests {
     use crate::identity::{Appearance, Foveal, Memory, Retina, distance, retina::FovealConfig};
     use foveate_base::rng::Streams;
 
-    /// To the bit: after a frame of other colours was learned and all that is forgotten, it is as after the first frame.
+    /// To the bit: after a frame of other colours was learned and the model was reset, it is as after the first frame.
     #[test]
     fn colours_are_forgotten_with_all_that_was_learned() {
         let picture = |target: [u8; 3], around: [u8; 3]| {
