@@ -2,7 +2,7 @@
 """Containers and codecs against ffprobe: number of frames, time of each frame, size, upright, shape of the pixels.
 
 Makes a short video of each kind with ffmpeg (variable frame rate where the container has it), tracks through it, and compares track.csv and
-annotated.mp4, and the picture that `foveate look` writes, with what ffprobe and ffmpeg report. A kind is `equal`, `said` (equal but for what the program warns of), `refused` (an error with its
+annotated.mp4, and the picture that `foveate look` writes, with what ffprobe and ffmpeg report. A kind is `equal`, `said` (equal but for a warning), `refused` (an error with its
 reason), or `WRONG`. Needs python3, ffmpeg and ffprobe. Exit 0: no kind is wrong.
 
     python3 bench/containers.py [--foveate target/debug/foveate] [--only mkv] [--keep FOLDER]

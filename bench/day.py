@@ -107,7 +107,7 @@ class Camera:
             running = self.lines > tracked + SETTLED
             if running and self.sent - self.last > 2 * SETTLED:
                 kind = next((kind for kind, rate in FAULTS.items() if self.rng.random() < self.args.faults * rate / 3600 / RATE), None)
-                # Another jump before the stamps are beyond those of an earlier one could not be told from it.
+                # Another jump before the stamps are beyond those of an earlier one could not be distinguished from it.
                 if kind and (kind != "clock jump" or self.stamp() >= self.latest):
                     self.fault(kind)
                     if kind == "lost connection":

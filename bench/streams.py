@@ -4,7 +4,7 @@
   bench/streams.py PROGRAM [NAME ...]      all kinds, or those whose names contain one of NAME
 
 Needs ffmpeg with libx264 and libsrt. Prints one row for each kind: frames sent, then frames tracked and dropped by default and with
---every-frame, the exit status, and what standard error says besides the summary. Frames that are neither tracked nor dropped make the
+--every-frame, the exit status, and the text on standard error besides the summary. Frames that are neither tracked nor dropped make the
 exit status 1, but for SRT, which throws away what is on its way when the sender closes.
 """
 import http.server, json, os, re, shlex, subprocess, sys, tempfile, threading, time

@@ -1,6 +1,6 @@
 // The second tab: digit scenes, a policy that learns, and beside it a fixed centre and random gazes on the same frames.
 const SCENES = {
-  glimpse: { hidden: ['Bars', 4, 2, v => `${v}`], noise: 30, policy: 'gp-ucb', digit: 2, about: 'The second experiment of the paper by much smaller looks: 25 of the 784 pixels of the box. Few places of the digit tell where it is. The policy learns which; the centre and most random gazes see little.' },
+  glimpse: { hidden: ['Bars', 4, 2, v => `${v}`], noise: 30, policy: 'gp-ucb', digit: 2, about: 'The second experiment of the paper by much smaller looks: 25 of the 784 pixels of the box. Few regions of the digit show where it is. The policy learns which; the centre and most random gazes see little.' },
   'close-up': { hidden: ['Hidden middle', 12, 0, v => `${v} of 28`], noise: 30, policy: 'gp-ucb', digit: 0, about: 'A digit twice as large, seen through a window of 8/28 of its box. The middle of a 0 is empty: a fixed centre sees little of it. Random gazes see more: compare with them, too.' },
   clutter: { hidden: ['Other digits', 36, 18, v => `${v}`], noise: 0, policy: 'hedge', digit: 3, about: 'The first experiment of the paper: one digit moves among others. Nine windows see most of it, so that a fixed centre does well.' },
   bars: { hidden: ['Bars', 4, 2, v => `${v}`], noise: 30, policy: 'gp-ucb', digit: 3, about: 'The second experiment of the paper: noise, and bars that hide the digit; one small look a frame.' },

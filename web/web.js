@@ -9,7 +9,7 @@ function turnTo(which, focus) {
   if (focus) tabs[which].tab.focus();
   complain(null);
   byId('choose').hidden = which !== 0 || !page.video;
-  const heading = which ? ['Learn where to look', 'A particle filter learns, before your eyes, which part of a digit tells most.'] : page.video ? null : ['foveate', 'Follow an object through a video or before your camera. Nothing leaves this device.'];
+  const heading = which ? ['Learn where to look', 'A particle filter learns, while you watch, which region of a digit is most informative.'] : page.video ? null : ['foveate', 'Follow an object through a video or before your camera. Nothing leaves this device.'];
   if (which) pause();
   else lessonPause();
   if (heading) [byId('title').textContent, byId('about').textContent] = heading;

@@ -123,7 +123,7 @@ def test_cvat_is_what_datumaro_reads_and_writes(program: str, tracks: Tracks, tm
             assert a.attributes["occluded"] == ((target, frame) in tracks.occluded)
             boxes.setdefault(target, {})[frame] = tuple(a.get_bbox())
     tracks.same(boxes, HUNDREDTH)
-    # Datumaro asks the pictures for their size.
+    # Datumaro reads the size of the pictures.
     for item in data:
         item.media = media.Image.from_file(path=item.media.path, size=tracks.size[::-1])
     data.export(str(tmp_path / "theirs"), "cvat", use_track=True, save_media=False)

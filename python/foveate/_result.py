@@ -31,7 +31,7 @@ class Result(tuple[bool, Box]):
     >>> seen[1] == box == seen.box, seen.p_lost
     (True, 0.0)
 
-    Arrays are read-only, made without a copy where they are asked for, and stay valid after the next update.
+    Arrays are read-only, made without a copy on access, and stay valid after the next update.
     """
 
     image: Any

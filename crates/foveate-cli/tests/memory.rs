@@ -210,7 +210,7 @@ fn nothing_that_is_asked_for_is_taken_first() {
 }
 
 /// With little address space threads and allocations are refused at any place. The program may end there, but it does not panic, wait
-/// for ever, or give half a result a final name without saying where it ends.
+/// for ever, or give half a result a final name without a report of where it ends.
 #[test]
 fn threads_and_memory_that_are_not_given_are_no_panic() {
     let place = Place::new();

@@ -5,7 +5,7 @@ function panels() {
   badge.textContent = row ? (row.given ? 'box given' : row.status) : page.rows.length ? 'not tracked yet' : 'no box yet';
   badge.className = 'badge' + (row ? row.usable ? ' on' : ' off' : '');
   byId('figures').replaceChildren(...(row ? [`${row.box.slice(0, 2).map(v => say(v + 1, 1)).join(', ')}  ·  ${row.box.slice(2).map(v => say(v, 1)).join(' × ')} px`] : []));
-  if (row && row.ess !== null) byId('figures').append('  ·  ', element('abbr', { title: 'How many particles share the weight: few, the estimate is sharp; nearly all, the picture told nothing.' }, `${say(row.ess, 0)} effective particles`));
+  if (row && row.ess !== null) byId('figures').append('  ·  ', element('abbr', { title: 'How many particles share the weight: few, the estimate is sharp; nearly all, the picture was uninformative.' }, `${say(row.ess, 0)} effective particles`));
   const seconds = row ? row.time : (page.frame - 1) / (page.video.rate || 30);
   byId('clock').replaceChildren(element('b', {}, String(page.frame)), ` of ${Number.isFinite(page.ends) ? page.ends : '?'} · ${say(seconds)} s`);
   byId('screen').setAttribute('aria-label', `Frame ${page.frame}` + (row ? `: ${badge.textContent}, box at ${row.box.map(v => Math.round(v)).join(', ')}` : ''));

@@ -29,7 +29,7 @@ function drawStage() {
   paint(sharp(canvas, width, height), width, height, true);
 }
 
-// The frame shown, `width` by `height`; with the box in hand where `hand` says so.
+// The frame shown, `width` by `height`; with the box in hand if `hand` is set.
 function paint(c, width, height, hand) {
   const k = width / page.video.width, frame = shown ? shown.frame : page.frame, row = rowOf(frame), detail = page.details.get(frame);
   // Pixel centres lie at whole coordinates: the picture starts half a pixel earlier.

@@ -1,4 +1,4 @@
-// What the page knows. Frames count from 1, pixels from 0.
+// The state of the page. Frames count from 1, pixels from 0.
 const tracker = remoteTracker();
 const page = {
   video: null,     // the answer to `open`, with its path and name

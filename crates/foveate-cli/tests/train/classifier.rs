@@ -1,4 +1,4 @@
-//! `foveate train classifier` in use: a folder of drawn digits for each class, a model, and a track that says the
+//! `foveate train classifier` in use: a folder of drawn digits for each class, a model, and a track that reports the
 //! class by its name.
 
 use foveate::lab::Digits;

@@ -32,7 +32,7 @@ if (data.regret) {
   first.lines.push({ of: reward, name: 'best fixed', ink: 'second', dash: true });
   chartList.splice(chartList.indexOf(first) + 1, 0, { title: 'Regret', unit: 'cumulative', lines: [{ of: total, name: 'policy', ink: 'gaze' }, { of: random, name: 'random', ink: 'soft', dash: true }] });
 }
-// The classes, where a recogniser was asked.
+// The classes, if there is a recogniser.
 if (data.classes) {
   const inks = ['target', 'gaze', 'second', 'third', 'lost', 'soft'];
   chartList.unshift({ title: 'Class', unit: 'probability, all frames so far', from: 0, to: 1, lines: data.classes.map(({ name, of }, i) => ({ name, of, ink: inks[i], dash: i > 0 })) });

@@ -33,7 +33,7 @@ const tint = t => {
   const [a, b, f] = t < .5 ? [ramp[0], ramp[1], 2 * t] : [ramp[1], ramp[2], 2 * t - 1];
   return a.map((c, i) => Math.round(c + f * (b[i] - c)));
 };
-// Particles of `key` on a picture of `width` by `height`, drawn `k` times as large; `at` says where a place is drawn.
+// Particles of `key` on a picture of `width` by `height`, drawn `k` times as large; `at` returns where a place is drawn.
 function drawCloud(c, key, [width, height], at, k) {
   key.cloud ||= (place => Array.from(bytes(key.weights), (w, i) => [
     (place[2 * i] / 65535 * 3 - 1) * width, (place[2 * i + 1] / 65535 * 3 - 1) * height, w / 255,
@@ -92,7 +92,7 @@ function colourOf(eye, values, pixel) {
   const a = rg < 0 ? 0 : 2 * (values[rg] - 128), b = by < 0 ? 0 : 4 * (values[by] - 128), green = values[grey] - .356 * a - .057 * b;
   return [green + a, green, (b + 2 * green + a) / 2];
 }
-// A glimpse cell by cell: `rgbOf` says the colour of a pixel of the raster, if it has one.
+// A glimpse cell by cell: `rgbOf` returns the colour of a pixel of the raster, if it has one.
 function paintGlimpse(canvas, eye, rgbOf) {
   const side = eye ? eye.side : 1;
   canvas.width = canvas.height = side;
