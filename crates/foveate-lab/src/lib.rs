@@ -7,7 +7,7 @@ pub mod eval;
 #[cfg(feature = "eval")]
 pub mod hide;
 pub mod idx;
-#[cfg(feature = "eval")]
+#[cfg(feature = "measure")]
 pub mod measure;
 pub mod spline;
 pub mod strokes;

@@ -29,19 +29,19 @@ pub(crate) struct MeasureArgs {
     track: Option<PathBuf>,
     /// Scale: two points in the picture and the length between them, with its standard error and unit (mm, cm, m, km, in, ft; default: m).
     /// Without it lengths are in pixels
-    #[arg(long, value_name = "X1,Y1,X2,Y2=LENGTH[+-ERROR][UNIT]", value_parser = parse_ruler, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X1,Y1,X2,Y2=LENGTH[+-ERROR][UNIT]", allow_hyphen_values = true)]
     ruler: Option<Ruler>,
     /// Names of the points in the results, in the order of --init. Default: 1, 2, ...
     #[arg(long, value_name = "NAME,NAME", value_delimiter = ',')]
     names: Vec<String>,
     /// Origin of the coordinates. Default: the first position of the first point
-    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y", value_parser = measure::parse_point, allow_hyphen_values = true)]
     origin: Option<(f64, f64)>,
     /// Direction of the x axis, degrees anticlockwise from the picture's right
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, hide_default_value = true, value_parser = parse_angle, allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, hide_default_value = true, value_parser = measure::parse_angle, allow_hyphen_values = true)]
     angle: f64,
     /// Frames per second at which the scene was recorded, for slow motion or wrong time stamps. Default: the times of the video
-    #[arg(long, value_name = "RATE[+-ERROR]", value_parser = parse_clock)]
+    #[arg(long, value_name = "RATE[+-ERROR]")]
     fps: Option<Clock>,
     /// Fit a curve to x or y: line, parabola (y: g), sine (period), damped, exponential or drag (y: g), over all times or a range in
     /// seconds, such as parabola:y:0.10-0.45. Repeatable
@@ -119,87 +119,4 @@ fn named(names: Vec<String>, count: usize) -> Result<Vec<String>> {
         return Err(Error::Invalid(format!("--names: two points are named {name:?}; give each its own")));
     }
     Ok(names)
-}
-
-type Parsed<T> = std::result::Result<T, String>;
-
-/// The largest number of an option, and the reciprocal of the smallest rate or length: results of larger ones overflow.
-const LARGEST: f64 = 1e12;
-
-/// Parses numbers between commas.
-fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
-    let numbers: Option<Vec<f64>> =
-        text.split(',').map(|n| n.trim().parse().ok().filter(|n: &f64| n.abs() <= LARGEST)).collect();
-    numbers?.try_into().ok()
-}
-
-fn parse_point(text: &str) -> Parsed<(f64, f64)> {
-    let [x, y] = numbers(text)
-        .ok_or_else(|| format!("expected two numbers x,y such as 120,80 and at most 1e12, got \"{text}\""))?;
-    Ok((x - 1.0, y - 1.0))
-}
-
-fn parse_angle(text: &str) -> Parsed<f64> {
-    let [angle] =
-        numbers(text).ok_or_else(|| format!("expected degrees such as -12.5 and at most 1e12, got \"{text}\""))?;
-    Ok(angle)
-}
-
-/// Parses a value of 1e-12 to 1e12 with its standard error: `1.0`, `1.0+-0.1` or `1.0±0.1`.
-fn value_with_error(text: &str) -> Option<(f64, f64)> {
-    let (value, error) = text.split_once("+-").or_else(|| text.split_once('±')).unwrap_or((text, "0"));
-    let [value] = numbers(value)?;
-    let [error] = numbers(error)?;
-    (value >= 1.0 / LARGEST && error >= 0.0).then_some((value, error))
-}
-
-fn parse_ruler(text: &str) -> Parsed<Ruler> {
-    const UNITS: [(&str, f64); 6] =
-        [("mm", 1e-3), ("cm", 1e-2), ("km", 1e3), ("m", 1.0), ("in", 0.0254), ("ft", 0.3048)];
-    let parsed = || {
-        let (points, length) = text.split_once('=')?;
-        let [x1, y1, x2, y2] = numbers(points)?;
-        let named = UNITS.iter().find_map(|(name, metres)| Some((length.trim().strip_suffix(name)?, *metres)));
-        let (length, metres) = named.unwrap_or((length, 1.0));
-        let (length, error) = value_with_error(length)?;
-        let ends = [(x1 - 1.0, y1 - 1.0), (x2 - 1.0, y2 - 1.0)];
-        let ruler = Ruler { ends, length: length * metres, error: error * metres };
-        ruler.scale().map(|_| ruler)
-    };
-    let wrong = || {
-        format!(
-            "expected two points and a length such as 100,60,100,460=1.000+-0.002m and at most 1e12, got \"{text}\""
-        )
-    };
-    parsed().ok_or_else(wrong)
-}
-
-fn parse_clock(text: &str) -> Parsed<Clock> {
-    let wrong = || format!("expected frames per second such as 240 or 240+-0.5 and at most 1e12, got \"{text}\"");
-    value_with_error(text).map(|(rate, error)| Clock { rate, error }).ok_or_else(wrong)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn options_are_read_or_refused() {
-        let scale = |text: &str| parse_ruler(text).expect("a ruler").scale().expect("a scale");
-        let ruler = scale("1,1,1,201=50+-0.5cm");
-        assert!((ruler.metres - 0.0025).abs() < 1e-12 && ruler.error > 0.01);
-        assert!((scale("0,0,3,4=2ft").metres - 0.12192).abs() < 1e-12);
-        assert_eq!(parse_clock("240±0.5"), Ok(Clock { rate: 240.0, error: 0.5 }));
-        assert_eq!(parse_point("1,2"), Ok((0.0, 1.0)));
-        for wrong in ["1,1,1,1=1m", "1,2,3=1m", "1,2,3,4", "1,2,3,4=-1m", "1,2,3,4=1lightyear"] {
-            assert!(parse_ruler(wrong).is_err(), "{wrong}");
-        }
-        for large in ["1e13", "nan", "-inf"] {
-            let ruler = parse_ruler(&format!("1,2,3,4={large}"));
-            assert!(parse_clock(large).is_err() && parse_angle(large).is_err() && ruler.is_err(), "{large}");
-            assert!(parse_point(&format!("1,{large}")).is_err(), "{large}");
-        }
-        assert!(parse_clock("1e-13").is_err() && parse_clock("1e-12").is_ok());
-        assert!(parse_clock("0").is_err() && parse_clock("30+-x").is_err() && parse_point("1").is_err());
-    }
 }

@@ -2,13 +2,14 @@
 //!
 //! | step | module |
 //! | --- | --- |
-//! | positions and covariances of a run, or of its track.csv | [`Track`], [`Position`], [`read`] |
+//! | positions and covariances of a run, or of its track.csv | [`Track`], [`Position`], [`read`], [`parse`] |
 //! | distortion of the lens | [`Lens`] |
-//! | pixels to metres, origin, axes, clock | [`Axes`], [`Ruler`], [`Clock`] |
+//! | pixels to metres, origin, axes, clock, and their texts | [`Axes`], [`Ruler`], [`Clock`], [`parse_point`], [`parse_angle`] |
 //! | frames to look at | [`Ask`] |
 //! | a fixed-interval smoother | [`smooth`] |
 //! | fits with parameter errors | [`fit`], [`Curve`] |
-//! | measure.csv, fits.json, ask.csv, measure.html, measure.trk | [`measure`], [`MeasureFiles`], [`write()`] |
+//! | measure.csv, fits.json, ask.csv, measure.trk | [`measure`], [`tables`] |
+//! | the same and measure.html, from a run (feature `eval`) | `MeasureFiles`, `write` |
 
 mod ask;
 mod fit;
@@ -16,7 +17,10 @@ mod lens;
 mod linear;
 mod measurement;
 mod models;
+#[cfg(feature = "eval")]
 mod observer;
+mod options;
+#[cfg(feature = "eval")]
 mod page;
 mod smooth;
 mod tables;
@@ -29,8 +33,10 @@ pub use fit::{Fitted, Point, fit, student};
 pub use lens::Lens;
 pub use measurement::{AXES, Fit, FitRequest, Measurement, Row, Settings, Value, measure};
 pub use models::{Curve, Parameter};
+#[cfg(feature = "eval")]
 pub use observer::{FILES, Follower, Lines, MeasureFiles, write};
+pub use options::{parse_angle, parse_point};
 pub use smooth::{FAR, FEWEST, Sample, Smoothed, Smoothing, smooth};
-pub use tables::text;
-pub use track::{Position, Track, read};
+pub use tables::{tables, text};
+pub use track::{Position, Track, parse, read};
 pub use units::{Axes, Clock, Ruler, Scale, unit, with_error};

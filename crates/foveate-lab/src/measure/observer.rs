@@ -12,12 +12,11 @@ use foveate_video::Frame;
 
 use super::measurement::{Measurement, Settings, measure};
 use super::page::page;
-use super::tables::{ask_csv, csv, json, text};
+use super::tables::{tables, text};
 use super::track::{Position, Track};
-use super::trk::trk;
 
 /// The names of the files.
-pub const FILES: [&str; 5] = ["measure.csv", "fits.json", "ask.csv", "measure.html", "measure.trk"];
+pub const FILES: [&str; 5] = ["measure.csv", "fits.json", "ask.csv", "measure.trk", "measure.html"];
 
 /// The lines of the results, which the observer adds at the end. Clones share them.
 #[derive(Clone, Debug, Default)]
@@ -123,8 +122,8 @@ pub fn write(folder: &Path, source: &str, points: &[Measurement]) -> Result<()> 
 }
 
 fn texts(source: &str, is_video: bool, points: &[Measurement]) -> [String; 5] {
-    let video = is_video.then(|| Path::new(source));
-    [csv(points), json(points), ask_csv(points), page(source, points), trk(video, points)]
+    let [csv, fits, ask, trk] = tables(is_video.then(|| Path::new(source)), points).map(|(_, text)| text);
+    [csv, fits, ask, trk, page(source, points)]
 }
 
 #[cfg(test)]

@@ -1,13 +1,23 @@
 //! measure.csv, ask.csv, fits.json, and the lines on the terminal.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use foveate_report::quoted;
 
 use super::ask;
 use super::measurement::{AXES, Fit, Measurement};
 use super::smooth::{Smoothed, median};
+use super::trk::trk;
 use super::units::unit;
+
+/// Returns measure.csv, fits.json, ask.csv and measure.trk of at least one point, with their names. If `video` is a file, measure.trk
+/// names it.
+pub fn tables(video: Option<&Path>, points: &[Measurement]) -> [(&'static str, String); 4] {
+    let texts = [csv(points), json(points), ask_csv(points), trk(video, points)];
+    let mut names = ["measure.csv", "fits.json", "ask.csv", "measure.trk"].into_iter();
+    texts.map(|text| (names.next().expect("as many"), text))
+}
 
 /// Returns the names of the columns of measure.csv.
 fn columns(length: &str) -> Vec<String> {
@@ -26,7 +36,7 @@ fn columns(length: &str) -> Vec<String> {
 }
 
 /// Returns measure.csv.
-pub(super) fn csv(points: &[Measurement]) -> String {
+fn csv(points: &[Measurement]) -> String {
     let mut text = columns(points[0].unit).join(",") + "\n";
     for (point, row) in points.iter().flat_map(|point| point.rows.iter().map(move |row| (&point.point, row))) {
         let _ = write!(text, "{},{}", row.frame, row.time);
@@ -44,13 +54,13 @@ pub(super) fn csv(points: &[Measurement]) -> String {
 }
 
 /// Returns ask.csv.
-pub(super) fn ask_csv(points: &[Measurement]) -> String {
+fn ask_csv(points: &[Measurement]) -> String {
     let lines = points.iter().map(|point| ask::lines(&point.ask, &quoted(&point.point)));
     format!("rank,frame,from,to,p_lost,region (px),reason,point\n{}", lines.collect::<String>())
 }
 
 /// Returns fits.json.
-pub(super) fn json(points: &[Measurement]) -> String {
+fn json(points: &[Measurement]) -> String {
     let [scale, clock] = points[0].relative;
     let fits: Vec<&Fit> = points.iter().flat_map(|point| &point.fits).collect();
     let value = serde_json::json!({

@@ -56,9 +56,16 @@ impl Position {
 /// # Errors
 /// The file cannot be read, a column is missing, or a cell is not a number.
 pub fn read(path: &Path) -> Result<Vec<Position>> {
+    parse(&files::read_text(path, files::TEXT)?, path)
+}
+
+/// Reads the text of a track.csv. `path` is its name in errors.
+///
+/// # Errors
+/// A column is missing, or a cell is not a number.
+pub fn parse(text: &str, path: &Path) -> Result<Vec<Position>> {
     const NAMES: [&str; 10] =
         ["frame", "time", "x", "y", "cov_x_x", "cov_x_y", "cov_y_y", "p_lost", "status", "usable"];
-    let text = files::read_text(path, files::TEXT)?;
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     let column = |name: &&str| {
