@@ -235,14 +235,25 @@ pub(crate) fn annotations(bytes: &[u8]) {
     }
 }
 
-/// The positions of a track.csv, and a fit to them.
+/// A track.csv that is measured: options in lines `name=text` before it, as the page sends them, and all files.
 pub(crate) fn positions(bytes: &[u8]) {
-    let Ok(positions) = with_file("track.csv", bytes, measure::read) else { return };
+    let text = String::from_utf8_lossy(bytes);
+    let start = text.find("frame,").unwrap_or(0);
+    let (options, track) = text.split_at(start);
+    let Ok(positions) = measure::parse(track, Path::new("track.csv")) else { return };
+    let option = |name: &str| options.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix('='));
+    let axes = measure::Axes {
+        ruler: option("ruler").and_then(|text| text.parse().ok()),
+        origin: option("origin").and_then(|text| measure::parse_point(text).ok()),
+        angle: option("angle").and_then(|text| measure::parse_angle(text).ok()).unwrap_or(0.0),
+    };
     let parabola = measure::FitRequest { curve: measure::Curve::Parabola, axis: 1, range: None };
-    let settings = measure::Settings { fits: vec![parabola], ..measure::Settings::default() };
+    let fits = vec![option("fit").and_then(|text| text.parse().ok()).unwrap_or(parabola)];
+    let clock = option("fps").and_then(|text| text.parse().ok());
     let point = measure::Track { name: "fuzz".into(), positions };
-    if let Ok(measured) = measure::measure(&[point], None, &settings) {
+    if let Ok(measured) = measure::measure(&[point], None, &measure::Settings { axes, lens: None, clock, fits }) {
         measure::text(&measured);
+        measure::tables(None, &measured);
     }
 }
 

@@ -51,6 +51,9 @@ impl Position {
     }
 }
 
+/// The largest number of a frame.
+const LAST: f64 = 1e9;
+
 /// Reads the track.csv of a run.
 ///
 /// # Errors
@@ -62,7 +65,7 @@ pub fn read(path: &Path) -> Result<Vec<Position>> {
 /// Reads the text of a track.csv. `path` is its name in errors.
 ///
 /// # Errors
-/// A column is missing, or a cell is not a number.
+/// A column is missing, a cell is not a number, or frames do not increase.
 pub fn parse(text: &str, path: &Path) -> Result<Vec<Position>> {
     const NAMES: [&str; 10] =
         ["frame", "time", "x", "y", "cov_x_x", "cov_x_y", "cov_y_y", "p_lost", "status", "usable"];
@@ -84,8 +87,13 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Position>> {
             value.ok_or_else(|| Error::malformed(path, problem()))
         };
         let given = cell(4).is_empty();
+        let (frame, last) = (number(0)?, track.last().map_or(0, |position| position.frame));
+        if !(frame > last as f64 && frame.fract() == 0.0 && frame <= LAST) {
+            let problem = format!("line {}: frame is {frame} after {last}; expected a later one", k + 2);
+            return Err(Error::malformed(path, problem));
+        }
         track.push(Position {
-            frame: number(0)? as usize,
+            frame: frame as usize,
             time: number(1)?,
             centre: (number(2)?, number(3)?),
             covariance: if given { None } else { Some([number(4)?, number(5)?, number(6)?]) },
@@ -116,5 +124,13 @@ mod tests {
         assert_eq!(read(&path).expect("a track"), [Position::of(&frame, &given)]);
         std::fs::write(&path, "frame,time\n1,0\n").expect("written");
         assert!(read(&path).expect_err("columns").to_string().contains("no column x"));
+        let of = |frames: [i32; 2]| {
+            let lines = frames.map(|frame| format!("{frame},0,1,1,,,,,given,1\n")).concat();
+            parse(&format!("frame,time,x,y,cov_x_x,cov_x_y,cov_y_y,p_lost,status,usable\n{lines}"), &path)
+        };
+        assert!(of([1, 3]).is_ok_and(|track| track[1].frame == 3));
+        for wrong in [[0, 1], [-1, 1], [2, 2], [2, 1]] {
+            assert!(of(wrong).expect_err("frames").to_string().contains("expected a later one"), "{wrong:?}");
+        }
     }
 }
