@@ -33,11 +33,13 @@ screen_.addEventListener('pointerdown', event => {
   pause();
   screen_.focus({ preventScroll: true });
   screen_.setPointerCapture(event.pointerId);
-  drag = { from: pointed(event), client: [event.clientX, event.clientY], far: false };
+  drag = { from: pointed(event), client: [event.clientX, event.clientY], far: false, tool: page.tool };
   event.preventDefault();
+  if (drag.tool) { drag.tool.press(pixelOf(drag.from)); changed(); }
 });
 screen_.addEventListener('pointermove', event => {
   if (!drag) return;
+  if (drag.tool) { drag.tool.move(pixelOf(pointed(event))); return changed(); }
   drag.far ||= Math.hypot(event.clientX - drag.client[0], event.clientY - drag.client[1]) > 5;
   if (!drag.far) return;
   const [[x0, y0], [x1, y1]] = [drag.from, pointed(event)];
@@ -46,9 +48,12 @@ screen_.addEventListener('pointermove', event => {
 screen_.addEventListener('pointerup', doing(async () => {
   const was = drag;
   drag = null;
+  if (was?.tool) { was.tool.release(); return changed(); }
   if (was && !was.far) await propose(was.from);
 }));
-screen_.addEventListener('pointercancel', () => { drag = null; });
+screen_.addEventListener('pointercancel', () => { drag?.tool?.release(); drag = null; });
+// The pixel at a place of the frame, whose first pixel has its centre at (0, 0).
+const pixelOf = place => place.map(v => quarter(v - .5));
 
 const SOURCES = { motion: 'what moves there', saliency: 'what stands out there', size: 'a plain box: nothing moves or stands out there' };
 async function propose(at) {
@@ -65,7 +70,14 @@ screen_.addEventListener('keydown', event => {
   if (!page.video || event.ctrlKey || event.metaKey) return;
   const { width, height } = page.video, step = event.altKey ? 1 : Math.max(1, Math.round(Math.max(width, height) / 100));
   const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
-  if (way) {
+  if (page.tool) {
+    const far = event.shiftKey ? 10 : event.altKey ? .25 : 1;
+    if (way) page.tool.nudge(far * way[0], far * way[1]);
+    else if (event.key === 'Enter') page.tool.other();
+    else if (event.key === 'Escape') takeTool(null);
+    else return;
+    changed();
+  } else if (way) {
     pause();
     const side = Math.round(Math.min(width, height) / 5), row = rowOf(page.frame);
     const begin = row ? { x: row.box[0], y: row.box[1], w: row.box[2], h: row.box[3] } : { x: (width - side) / 2, y: (height - side) / 2, w: side, h: side };

@@ -30,6 +30,7 @@ async function open_(entry) {
   for (const picture of pictures.values()) picture.close?.();
   pictures.clear();
   shown = null;
+  forgetScene();
   Object.assign(page, { video: { ...opened, name }, frame: 1, ends: opened.frames || Infinity, targets: [], target: 0, draft: null });
   layers.find(layer => layer.name === 'truth').holder.hidden = !opened.truth.some(Boolean);
   byId('title').textContent = name;
@@ -50,7 +51,7 @@ async function open_(entry) {
 // Which cards are there.
 function arrange() {
   const open = !!page.video, tracked = page.rows.length > 0;
-  for (const [id, there] of Object.entries({ picker: !open, stage: open, setup: open, fovea: tracked && !hello.pick, curve: tracked && !hello.pick, save: tracked && !hello.pick, legend: open && !hello.pick })) byId(id).hidden = !there;
+  for (const [id, there] of Object.entries({ picker: !open, stage: open, setup: open, fovea: tracked && !hello.pick, curve: tracked && !hello.pick, measure: tracked && !hello.pick, save: tracked && !hello.pick, legend: open && !hello.pick })) byId(id).hidden = !there;
   byId('choose').hidden = !open || only;
 }
 byId('choose').addEventListener('click', doing(async () => {

@@ -141,7 +141,7 @@ document.addEventListener('keydown', event => {
   event.preventDefault();
 });
 byId('config').addEventListener('change', () => { byId('config-for').textContent = hello.configs.find(c => c.name === byId('config').value)?.for.replaceAll('`', '') || ''; });
-window.addEventListener('resize', () => { drawStage(); drawGraph(); });
+window.addEventListener('resize', () => { drawStage(); drawGraph(); drawPlots(); });
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', drawGraph);
 
 doing(async () => {

@@ -15,6 +15,7 @@ function panels() {
   drawPolicy(row, detail);
   drawGraph();
   actions();
+  doing(measureSoon)();
 }
 
 // Gazes and their probabilities, as bars.

@@ -3,6 +3,7 @@ const layers = [
   { name: 'box', label: 'box', dot: '#39b6ff' }, { name: 'truth', label: 'truth', dot: '#3fd19b' },
   { name: 'path', label: 'path', dot: '#39b6ff' }, { name: 'particles', label: 'particles', dot: '#e0528f' },
   { name: 'region', label: 'uncertainty', dot: '#9aa4ad' }, { name: 'gaze', label: 'gaze', dot: '#ffb627' },
+  { name: 'scale', label: 'scale and axes', dot: '#ff8fe0' },
 ];
 for (const layer of layers) {
   const box = element('input', { type: 'checkbox', checked: '' });
@@ -26,7 +27,9 @@ function drawStage() {
   const canvas = byId('screen'), [width, height] = stageSize();
   canvas.style.width = width + 'px';
   canvas.style.height = height + 'px';
-  paint(sharp(canvas, width, height), width, height, true);
+  const context = sharp(canvas, width, height), k = width / page.video.width;
+  paint(context, width, height, true);
+  if (page.tool?.held && shown) paintLoupe(context, width, height, (x, y) => [k * (x + .5), k * (y + .5)]);
 }
 
 // The frame shown, `width` by `height`; with the box in hand if `hand` is set.
@@ -79,6 +82,7 @@ function paint(c, width, height, hand) {
     for (const [au, av] of detail?.also || []) cross(...at(x + (au - u) * ux + (av - v) * vx, y + (au - u) * uy + (av - v) * vy), 5, '#ffb627');
     cross(...at(x, y), 8, '#ffffff');
   }
+  if (byId('measuring').open && shows('scale')) paintScene(c, at);
   if (hand && page.draft) {
     const { x, y, w, h } = page.draft;
     cased(() => c.rect(...edge(x, y), k * w, k * h), '#ffffff', 2, [6, 4]);

@@ -7,6 +7,8 @@ const page = {
   targets: [],     // what is followed: see `newTarget`
   target: 0,       // which of them the panels are about
   draft: null,     // the box drawn by hand: x, y, w, h
+  tool: null,      // what the pointer sets on the frame in place of a box: see ruler.js
+  version: 0,      // counts the changes of the tracks
   playing: false,
   busy: false,     // a message is on its way that changes the track
   get rows() { return active().rows; },
@@ -62,6 +64,7 @@ async function detailOf(frame) {
 // Takes in rows of a target that were tracked, in the place of what was there from their frame on.
 function takeIn(target, { rows, detail = null, surface = null, ended }) {
   const { live } = page.video;
+  page.version++;
   target.ended = ended;
   if (rows.length) {
     target.count -= Math.max(0, lastTracked(target) - rows[0].frame + 1);

@@ -23,6 +23,7 @@ async function dropTarget() {
   try {
     await tracker.ask({ op: 'remove', session: page.video.session, target: page.target });
     page.targets.splice(page.target, 1);
+    page.version++;
     page.target = Math.max(0, page.target - 1);
   } finally { page.busy = false; }
   forgetSaved();

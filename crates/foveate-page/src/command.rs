@@ -28,14 +28,18 @@ pub fn command(path: &Path, given: &[(usize, BBox)], config: &str, policy: Optio
     line
 }
 
+/// Quotes a path for a shell.
+fn quoted(path: &str) -> String {
+    if path.starts_with('-') { word(&format!("./{path}")) } else { word(path) }
+}
+
 /// Quotes a word for a shell.
-fn quoted(word: &str) -> String {
+pub(crate) fn word(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@%".contains(c);
-    if !word.is_empty() && !word.starts_with('-') && word.chars().all(plain) {
+    if !word.is_empty() && word.chars().all(plain) {
         return word.to_owned();
     }
-    let dashed = if word.starts_with('-') { format!("./{word}") } else { word.to_owned() };
-    format!("'{}'", dashed.replace('\'', r"'\''"))
+    format!("'{}'", word.replace('\'', r"'\''"))
 }
 
 #[cfg(test)]
@@ -54,6 +58,6 @@ mod tests {
             command(Path::new("it's; rm"), &given, "digits", Some("hedge"), Some(3)),
             r"foveate track 'it'\''s; rm' --from 5 --init 10,20,30,40.5 --reinit 10:1,1,30,40 --config digits --policy hedge --seed 3"
         );
-        assert_eq!(quoted("-x"), "'./-x'");
+        assert_eq!(quoted("-x"), "./-x");
     }
 }

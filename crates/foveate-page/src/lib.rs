@@ -7,6 +7,7 @@
 mod command;
 mod host;
 mod lines;
+mod measuring;
 mod message;
 mod page;
 mod player;
@@ -22,6 +23,7 @@ mod tracks;
 pub use self::command::command;
 pub use self::host::{Host, Video, offered};
 pub use self::lines::FILES;
+pub use self::measuring::Options;
 pub use self::message::{Asked, Message, boxed, counted_from_1, read};
 pub use self::page::Page;
 pub use self::player::{BEFORE, Frames, Player, Reopen};
@@ -41,9 +43,12 @@ pub const SCRIPT: &str = concat!(
     include_str!("../page/panels.js"),
     include_str!("../page/targets.js"),
     include_str!("../page/files.js"),
+    include_str!("../page/plot.js"),
+    include_str!("../page/ruler.js"),
+    include_str!("../page/measure.js"),
     include_str!("../page/main.js"),
 );
 /// The page's style, for after that of reports.
 pub const STYLE: &str = include_str!("../page/page.css");
-/// The page's cards: the frame, the settings, glimpse, curve and results.
+/// The page's cards: the frame, the settings, glimpse, curve, measurement and results.
 pub const CARDS: &str = include_str!("../page/cards.html");

@@ -6,6 +6,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
+use crate::measuring::Options;
+
 /// A message that every host answers. Boxes are left, top, width and height in pixels.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "op", rename_all = "snake_case", deny_unknown_fields)]
@@ -62,6 +64,16 @@ pub enum Message {
     },
     /// Requests the commands that reproduce the tracks.
     Command { session: u64 },
+    /// Measures the motion of a target, or writes the files of its measurement.
+    Measure {
+        session: u64,
+        #[serde(default)]
+        target: usize,
+        #[serde(default)]
+        options: Options,
+        #[serde(default)]
+        files: bool,
+    },
     /// Starts writing results.
     Save {
         session: u64,

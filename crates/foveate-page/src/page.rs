@@ -6,6 +6,7 @@ use foveate_base::{Error, Result};
 use serde_json::{Value, json};
 
 use crate::host::Host;
+use crate::measuring::{charts, files, measured};
 use crate::message::Message;
 use crate::session::Session;
 use crate::tracks::MOST_TARGETS;
@@ -128,6 +129,17 @@ impl<H: Host> Page<H> {
             Message::Detail { session, target, frame } => self.with(session, |s| Ok(s.tracks.detail(target, frame))),
             Message::Correct { session, target, frame, bbox } => self.with(session, |s| s.correct(target, frame, bbox)),
             Message::Command { session } => self.with(session, |s| Ok(json!({ "command": s.command()? }))),
+            Message::Measure { session, target, options, files } => {
+                let settings = options.settings()?;
+                let (track, command) = self.with(session, |s| s.measurable(target, &options))?;
+                // Without the lock of the video: the page shows and tracks its frames meanwhile.
+                self.host.run(|| {
+                    let measured = measured(target, &track, &settings)?;
+                    let mut answer = if files { self::files(&measured) } else { charts(&measured) };
+                    answer["command"] = json!(command);
+                    Ok(answer)
+                })
+            }
             Message::Save { session, film, report } => self.with(session, |s| s.save(film, report, &self.host)),
             Message::Saved { session } => self.with(session, Session::saved),
         }

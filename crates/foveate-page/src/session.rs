@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use crate::host::{Host, Video};
 use crate::lines::{FILES, named, target_of};
+use crate::measuring::{MOST_MEASURED, Options};
 use crate::player::Frames;
 use crate::propose::propose;
 use crate::recent::Recent;
@@ -205,6 +206,21 @@ impl<H: Host> Session<H> {
     /// Returns the commands that reproduce these tracks; empty for a camera or a stream, which cannot be read again.
     pub(crate) fn command(&self) -> Result<String> {
         if self.is_live() { self.tracks.get(0).map(|_| String::new()) } else { self.tracks.command(&self.name) }
+    }
+
+    /// Returns the track.csv of a target, and the command that measures it; the command is empty for a camera or a stream.
+    pub(crate) fn measurable(&self, target: usize, options: &Options) -> Result<(String, String)> {
+        let tracking = self.tracks.get(target)?;
+        if tracking.frames() > MOST_MEASURED {
+            return Err(Error::Invalid(format!(
+                "the track has {} frames, and the page measures {MOST_MEASURED}; save the results, then run foveate measure --track track.csv",
+                tracking.frames()
+            )));
+        }
+        let track = (0..).map_while(|piece| tracking.lines.piece(FILES[1], piece)).collect();
+        let command =
+            if self.is_live() { String::new() } else { options.command(&self.tracks.line(target, &self.name)?) };
+        Ok((track, command))
     }
 
     /// Starts writing results. Text files exist already; a camera or a stream has no others.

@@ -5,6 +5,8 @@
 //! With `FOVEATE_STRICT=1` the test fails instead.
 #![forbid(unsafe_code)]
 
+pub mod fall;
+
 use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

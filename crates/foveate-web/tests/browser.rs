@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use browser::Browser;
+use foveate_lab::measure::{self, Axes, Settings, Track};
+use foveate_testing::fall;
 use page::{FRAMES, NUMBER, iou, mp4, serve, truth, y4m};
 use serde_json::{Value, json};
 
@@ -170,6 +172,126 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     browser.until("page.video.name === 'annotated.mp4' && shown && shown.frame === 1");
     assert_eq!(browser.value("page.ends"), json!(FRAMES));
     browser.picture("film");
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// A lesson on free fall, by mouse: a box, the scale, the origin, a fit; g, its files, and doubtful frames.
+#[test]
+fn a_fall_is_measured_with_the_mouse() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let mut browser = need!(open(dir.path(), &[]));
+    let file = dir.path().join("ball.mp4");
+    page::falling(&file);
+    give(&mut browser, &[&file]);
+    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    browser.draw(fall::bbox(0));
+    browser.click("#go");
+    browser.until("page.rows.length > 1");
+    // The charts grow while it tracks.
+    browser.value("byId('measuring').open = true");
+    browser.until("measuring.answer?.times.length > 5 && document.querySelectorAll('#plots .motion').length === 6");
+    browser.track();
+    browser.until(&format!("measuring.answer?.times.length === {}", fall::FRAMES));
+    // The scale: dragged, an end placed finely, a length typed.
+    browser.click("#scale-set");
+    let [from, to] = fall::RULE;
+    browser.drag(&[from, (to.0 + 3.0, to.1 - 4.0)]);
+    assert_eq!(browser.value("document.activeElement.id"), "length");
+    let end: (f64, f64) = serde_json::from_value(browser.value("scene.ruler[1]")).expect("an end");
+    browser.drag(&[end, (end.0 + 4.0 * (to.0 - end.0), end.1 + 4.0 * (to.1 - end.1))]);
+    let ruler: [(f64, f64); 2] = serde_json::from_value(browser.value("scene.ruler")).expect("two ends");
+    let off = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).hypot(a.1 - b.1);
+    assert!(off(ruler[0], from) < 1.0 && off(ruler[1], to) < 1.0, "{ruler:?}");
+    browser.picture("measure-scale");
+    browser.fill("length", "2.00");
+    browser.fill("length-error", "0.002");
+    browser.click("#tool-done");
+    browser.until("measuring.answer.unit === 'm'");
+    // The origin, by a click, and by keys.
+    browser.click("#axes-set");
+    browser.drag(&[(200.0, 42.0)]);
+    browser.key("ArrowUp", 0);
+    let origin: (f64, f64) = serde_json::from_value(browser.value("scene.origin")).expect("an origin");
+    assert!(off(origin, (200.0, 41.0)) < 1.0, "{origin:?}");
+    browser.fill("angle", "90");
+    browser.picture("measure-axes");
+    browser.fill("angle", "");
+    browser.key("Escape", 0);
+    browser.click("#tool-done");
+    // A fit, and the times of it by a drag on a chart.
+    browser.value("byId('fit-curve').value = 'parabola', byId('fit-curve').dispatchEvent(new Event('input')), true");
+    browser.until("/^g = /.test(byId('fit-values').firstChild?.textContent) && document.querySelectorAll('#plots .motion').length === 7");
+    let g = browser.value("byId('fit-values').firstChild.textContent");
+    let g = g.as_str().expect("text").to_owned();
+    let value: f64 = g.split(' ').nth(2).and_then(|n| n.parse().ok()).expect("a number");
+    eprintln!("{g}");
+    assert!((value - fall::G).abs() < 0.15 && g.contains("m/s² (95 %: "), "{g}");
+    let chart = "(() => { const e = plots[1]; e.scrollIntoView({ block: 'center' }); const b = e.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]; })()";
+    let [x, y, w, h]: [f64; 4] = serde_json::from_value(browser.value(chart)).expect("a chart");
+    for (kind, share) in [("mousePressed", 0.3), ("mouseMoved", 0.5), ("mouseMoved", 0.8), ("mouseReleased", 0.8)] {
+        browser.mouse(kind, (x + share * w, y + h / 2.0));
+    }
+    browser.until("+byId('fit-from').value > 0.1 && +byId('fit-to').value < 0.6 && measuring.answer.fit.points < 30 && !measuring.busy");
+    browser.judge("measure");
+    browser.click("#fit-all");
+    // A click on a chart goes to its frame.
+    let [x, y, w, h]: [f64; 4] = serde_json::from_value(browser.value(chart)).expect("a chart");
+    browser.mouse("mousePressed", (x + 0.6 * w, y + h / 2.0));
+    browser.mouse("mouseReleased", (x + 0.6 * w, y + h / 2.0));
+    browser.until("page.frame > 15 && page.frame < 32 && shown.frame === page.frame && !measuring.busy");
+
+    // The table has the numbers of the program for this track. Native functions such as exp differ in the last bits.
+    let files = browser.value("tracker.ask(measureMessage({ files: true }))");
+    let ours = files["files"][0]["text"].as_str().expect("a table").to_owned();
+    browser.value("byId('want-report').checked = false, true");
+    browser.click("#save-go");
+    browser.until("document.querySelectorAll('#files a').length === 3");
+    let track = browser.value("tracker.text(page.video.session, 'track.csv')");
+    let positions = measure::parse(track.as_str().expect("text"), Path::new("track.csv")).expect("a track");
+    let options = browser.value("measureOptions()");
+    let option = |name: &str| options[name].as_str().unwrap_or_else(|| panic!("{name} in {options}"));
+    let axes = Axes {
+        ruler: Some(option("ruler").parse().expect("a ruler")),
+        origin: Some(measure::parse_point(option("origin")).expect("a point")),
+        angle: 0.0,
+    };
+    let settings = Settings { axes, fits: vec![option("fit").parse().expect("a fit")], ..Settings::default() };
+    let native = measure::measure(&[Track { name: "1".into(), positions }], None, &settings).expect("a measurement");
+    let [(_, theirs), ..] = measure::tables(None, &native);
+    let mut most: f64 = 0.0;
+    for (a, b) in ours.lines().zip(theirs.lines()).skip(1) {
+        for (a, b) in a.split(',').zip(b.split(',')) {
+            match (a.parse::<f64>(), b.parse::<f64>()) {
+                (Ok(a), Ok(b)) => most = most.max((a - b).abs() / b.abs().max(1e-3)),
+                _ => assert_eq!(a, b),
+            }
+        }
+    }
+    eprintln!("largest relative difference from native code: {most:.1e}");
+    assert!(ours.lines().count() == theirs.lines().count() && most < 1e-6, "{most}");
+
+    // A box beside the ball leaps; its frame is listed, leads there, and is corrected there.
+    browser.show(20);
+    let [x, y, w, h] = fall::bbox(19);
+    browser.draw([x + 22.0, y - 6.0, w, h]);
+    browser.click("#go");
+    browser.until("page.rows.length === 20 && lastRow().given");
+    browser.track();
+    browser.until("document.querySelectorAll('#doubt-list button').length > 0 && !measuring.busy");
+    browser.picture("measure-doubts");
+    browser.click("#doubt-list button");
+    browser.until("page.frame === measuring.answer.ask[0].frame && shown.frame === page.frame");
+    browser.show(20);
+    browser.draw(fall::bbox(19));
+    browser.click("#go");
+    browser.until("page.rows.length === 20 && lastRow().given");
+    browser.track();
+    browser.until(&format!(
+        "measuring.answer?.times.length === {} && !measuring.busy && measuring.key === measureKey()",
+        fall::FRAMES
+    ));
+    let g = browser.value("+byId('fit-values').firstChild.textContent.split(' ')[2]").as_f64().expect("g");
+    assert!((g - fall::G).abs() < 0.2, "{g}");
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 

@@ -12,7 +12,7 @@ const CRATES: [(&str, &[&str]); 15] = [
     ("core", &["base", "kernels", "gp", "learn"]),
     ("video", &["base", "core"]),
     ("report", &["base", "core", "video"]),
-    ("page", &["base", "core", "video", "report"]),
+    ("page", &["base", "core", "video", "report", "lab"]),
     ("lab", &["base", "kernels", "gp", "learn", "core", "video", "report"]),
     ("", &["base", "gp", "learn", "core", "video", "report", "lab"]),
     ("c", &[""]),

@@ -139,6 +139,26 @@ impl Browser {
         assert!(off <= 2.0, "{drawn:?} is not {:?}", [x, y, w, h]);
     }
 
+    /// Presses at the first place of the frame, drags through the others and releases; in pixels from 0, at the pixels' centres.
+    pub(crate) fn drag(&mut self, places: &[(f64, f64)]) {
+        let screen = "(() => { const e = document.getElementById('screen'); const b = e.getBoundingClientRect(); return [b.x, b.y, b.width / page.video.width]; })()";
+        let (left, top, k): (f64, f64, f64) = serde_json::from_value(self.value(screen)).expect("a stage");
+        let at = |(x, y): (f64, f64)| (left + k * (x + 0.5), top + k * (y + 0.5));
+        self.mouse("mousePressed", at(places[0]));
+        places[1..].iter().for_each(|place| self.mouse("mouseMoved", at(*place)));
+        if places.len() > 1 {
+            self.picture("measure-loupe");
+        }
+        self.mouse("mouseReleased", at(places[places.len() - 1]));
+    }
+
+    /// Types into a field.
+    pub(crate) fn fill(&mut self, id: &str, text: &str) {
+        self.value(&format!(
+            "byId('{id}').value = '{text}', byId('{id}').dispatchEvent(new Event('input', {{ bubbles: true }})), true"
+        ));
+    }
+
     /// The box that is drawn.
     pub(crate) fn drawn(&mut self) -> [f64; 4] {
         let drawn = self.value("[page.draft.x, page.draft.y, page.draft.w, page.draft.h]");

@@ -3,6 +3,7 @@
 #[path = "../served/mod.rs"]
 mod served;
 
+mod measure;
 mod requests;
 mod streams;
 mod tracks;

@@ -206,6 +206,10 @@ fn malformed(random: &mut Random, port: u16, token: bool) -> Vec<u8> {
                 r#"{"op":"detail","session":1,"target":99999999999,"frame":1}"#,
                 r#"{"op":"start","session":1,"target":7,"frame":1,"box":[1,2,30,40],"config":"natural"}"#,
                 r#"{"op":"correct","session":1,"target":-1,"frame":1,"box":[1,2,30,40]}"#,
+                r#"{"op":"measure","session":1}"#,
+                r#"{"op":"measure","session":1,"options":{"ruler":"1,1,1,1=0m","fps":"nan"}}"#,
+                r#"{"op":"measure","session":1,"options":{"fit":"parabola:z"},"files":1}"#,
+                r#"{"op":"measure","session":1,"target":1e30,"options":[]}"#,
             ]);
             post(&host, &ours, body).into_bytes()
         }

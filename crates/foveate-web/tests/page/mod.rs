@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use foveate_core::geometry::{BBox, Size};
 use foveate_core::scene::Image;
+use foveate_testing::fall;
 use foveate_video::Mp4Writer;
 
 /// The folder that `web/build` made.
@@ -100,6 +101,17 @@ pub(crate) fn mp4(path: &Path) {
     for t in 0..FRAMES {
         let image = Image::from_grey8(SIZE.width, SIZE.height, &frame(t)).expect("as many pixels").with_planes(3);
         writer.push(&image, t as f64 / 30.0).expect("a frame");
+    }
+    writer.finish().expect("a whole file");
+}
+
+/// A ball that falls, as H.264 in MP4.
+pub(crate) fn falling(path: &Path) {
+    let [w, h] = fall::SIZE;
+    let mut writer = Mp4Writer::create(path, w, h, fall::RATE).expect("a writable folder");
+    for t in 0..fall::FRAMES {
+        let image = Image::from_grey8(w, h, &fall::picture(t)).expect("as many pixels").with_planes(3);
+        writer.push(&image, t as f64 / fall::RATE).expect("a frame");
     }
     writer.finish().expect("a whole file");
 }
