@@ -138,7 +138,8 @@ impl Boxes {
     /// Reads the boxes of a file.
     ///
     /// # Errors
-    /// The file cannot be read, is not of this format, has neither frames nor boxes, or has too many frames.
+    /// The file cannot be read, is not of this format, has neither frames nor boxes, too many frames, or two boxes of one target in one
+    /// frame.
     pub fn read(format: Format, path: &Path) -> Result<Self> {
         Self::read_of_size(format, path, None)
     }
@@ -148,7 +149,7 @@ impl Boxes {
     /// # Errors
     /// As [`Boxes::read`], and if such a format has no size.
     pub fn read_of_size(format: Format, path: &Path, size: Option<Size>) -> Result<Self> {
-        let boxes = read(format, path, size)?.of_size(size);
+        let mut boxes = read(format, path, size)?.of_size(size);
         if boxes.frames == 0 && boxes.tracks.is_empty() {
             return Err(Error::malformed(path, "it has neither frames nor boxes; expected some"));
         }
@@ -156,6 +157,7 @@ impl Boxes {
             let problem = format!("it has a frame {}; expected at most {MOST}", boxes.frames);
             return Err(Error::malformed(path, problem));
         }
+        boxes.put_in_order().map_err(|problem| Error::malformed(path, problem))?;
         Ok(boxes)
     }
 
@@ -284,7 +286,6 @@ pub(crate) fn run(args: Args) -> Result<()> {
             return Err(Error::malformed(&args.input, format!("it has no box of --id {id}")));
         }
     }
-    boxes.put_in_order().map_err(|problem| Error::malformed(&args.input, problem))?;
     write(args.to, &mut boxes, &args.output)?;
     let (count, frames) = (boxes.tracks.len(), boxes.frames);
     boxes.lost.iter().for_each(|lost| note!("foveate: {}: {lost}", args.input.display()));

@@ -130,11 +130,13 @@ fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
     std::fs::write(place.path("late.txt"), "101,1,1,1,9,9,1,-1,-1,-1\n").expect("a writable folder");
     std::fs::write(place.path("far.txt"), "1,1,9999,9999,9,9,1,-1,-1,-1\n").expect("a writable folder");
     std::fs::write(place.path("found.txt"), "1,-1,1,1,9,9,1,-1,-1,-1\n").expect("a writable folder");
+    std::fs::write(place.path("twice.txt"), "5,3,1,1,9,9,1\n5,3,2,2,9,9,1\n").expect("a writable folder");
     for (keys, format, problem) in [
         ("none.txt", "otb", "expected at least one key frame"),
         ("late.txt", "mot", "a box is in frame 101, and scene has 100 frames"),
         ("far.txt", "mot", "the box of target 1 in frame 1"),
         ("found.txt", "mot", "annotate needs tracks, not detections"),
+        ("twice.txt", "mot", "frame 5 has two boxes of the target 3; expected one"),
         ("nowhere.txt", "otb", "nowhere.txt"),
     ] {
         let run = place.run(&["annotate", "scene", "--keyframes", keys, "--format", format, "--out", "out"]);
