@@ -271,3 +271,21 @@ def test_viame_is_what_dive_reads_and_writes(program: str, tracks: Tracks, tmp_p
     convert(program, tmp_path / "theirs.csv", tmp_path / "again.xml", "viame", "cvat", tracks.size)
     again = (tmp_path / "again.xml").read_text()
     assert all(f'id="{target}" label="{escaped(tracks.label(target))}"' in again for target in boxes)
+
+
+def test_spots_are_those_that_sleap_reads_of_trackmate(program: str, tracks: Tracks, tmp_path: Path) -> None:
+    trackmate = need("sleap_io.io.trackmate")
+    (tmp_path / "task.xml").write_text(tracks.task())
+    convert(program, tmp_path / "task.xml", tmp_path / "tracks_spots.csv", "cvat", "trackmate", tracks.size)
+    labels = trackmate.read_trackmate_csv(tmp_path / "tracks_spots.csv")
+    found = {(spot.track.name, frame.frame_idx): (spot.x, spot.y) for frame in labels for spot in frame.centroids}
+    middles = {(f"Track_{t}", at): (x + (w - 1) / 2, y + (h - 1) / 2) for t, track in tracks.boxes.items() for at, (x, y, w, h) in track.items()}
+    assert found.keys() == middles.keys()
+    for spot, middle in middles.items():
+        assert found[spot] == pytest.approx(middle, abs=1e-9), spot
+    # Squares of the same area, about the same centres.
+    square = {
+        t: {at: (x + (w - (w * h) ** 0.5) / 2, y + (h - (w * h) ** 0.5) / 2, (w * h) ** 0.5, (w * h) ** 0.5) for at, (x, y, w, h) in track.items()}
+        for t, track in tracks.boxes.items()
+    }
+    Tracks(square, tracks.frames, tracks.size).same(read_back(program, tmp_path / "tracks_spots.csv", "trackmate", tracks.size), 1e-9)

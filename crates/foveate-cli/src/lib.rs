@@ -82,7 +82,7 @@ enum Command {
     Train(cmd::train::Args),
     /// Score trackers on sequences with ground truth
     Eval(cmd::eval::Args),
-    /// Convert boxes between OTB, VOT, GOT-10k, MOTChallenge, COCO, CVAT, Label Studio and VIAME
+    /// Convert boxes between OTB, VOT, GOT-10k, MOTChallenge, COCO, CVAT, Label Studio, VIAME and TrackMate
     Convert(cmd::convert::Args),
     /// Track for vot-toolkit and other clients of the TraX protocol, on standard input and output
     Trax(cmd::trax::Args),

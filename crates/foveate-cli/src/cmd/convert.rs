@@ -4,6 +4,7 @@ mod coco;
 mod cvat;
 mod label_studio;
 mod single;
+mod trackmate;
 mod viame;
 mod yolo;
 
@@ -49,6 +50,8 @@ pub enum Format {
     LabelStudio,
     /// Tracks of DIVE and VIAME, CSV
     Viame,
+    /// Spots of TrackMate, CSV: centres and areas, in pixels
+    Trackmate,
 }
 
 impl Format {
@@ -311,6 +314,7 @@ fn read(format: Format, path: &Path, size: Option<Size>) -> Result<Boxes> {
         Format::Cvat => cvat::read(path),
         Format::LabelStudio => label_studio::read(path, size),
         Format::Viame => viame::read(path),
+        Format::Trackmate => trackmate::read(path),
     }
 }
 
@@ -334,5 +338,6 @@ fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
         Format::Cvat => cvat::write(boxes, path),
         Format::LabelStudio => label_studio::write(boxes, path),
         Format::Viame => viame::write(boxes, path),
+        Format::Trackmate => trackmate::write(boxes, path),
     }
 }

@@ -91,6 +91,37 @@ fn many_targets_keep_their_ids() {
 }
 
 #[test]
+fn spots_of_trackmate_are_square_boxes() {
+    let place = Place::new();
+    let text = "1,3,1,1,5,5,1,-1,-1,-1\n1,7,20,1,5,5,1,-1,-1,-1\n3,3,2.5,1,6,6,1,-1,-1,-1\n";
+    place.write("gt.txt", text);
+    place.convert("gt.txt", "mot", "spots.csv", "trackmate", &[]);
+    let spots = place.read("spots.csv");
+    // The box of 5 pixels from the first pixel on has its centre on the third.
+    assert_eq!(spots.lines().nth(4), Some("ID0,0,3,1,2,2,0,0,0,2.5,1"), "{spots}");
+    place.convert("spots.csv", "trackmate", "back.txt", "mot", &[]);
+    assert_eq!(place.read("back.txt"), text);
+    // As early versions wrote them, with a spot of no track.
+    place.write("early.csv", "Label,FRAME,TRACK_ID,RADIUS,POSITION_Y,POSITION_X\n\"a, b\",2.0,None,4,10,20\n");
+    place.convert("early.csv", "trackmate", "back.txt", "mot", &[]);
+    assert_eq!(place.read("back.txt"), "3,-1,17.5,7.5,8,8,1,-1,-1,-1\n");
+    place.write("gt.txt", "1,3,1,1,4,9,1,-1,-1,-1\n");
+    let lost = place.convert("gt.txt", "mot", "spots.csv", "trackmate", &[]);
+    assert!(lost.contains("1 boxes are not square") && place.read("spots.csv").contains(",3,1,"), "{lost}");
+    for (from, to, problem) in [
+        ("(pixel)", "(micron)", "line 4: expected positions in pixels, found micron"),
+        ("RADIUS", "R", "line 1: expected a column RADIUS"),
+        (",3,1,", ",-3,1,", "line 5: TRACK_ID: expected a whole number from 0 on, found -3"),
+        ("3,1\n", "nan,1\n", "line 5: RADIUS: expected a number, found \"nan\""),
+        (",0,0,0,", ",", "line 5: expected 11 fields between commas, found 8"),
+    ] {
+        place.write("wrong.csv", &place.read("spots.csv").replace(from, to));
+        let failure = place.failure("wrong.csv", "trackmate", "mot");
+        assert!(failure.contains(problem), "{failure}");
+    }
+}
+
+#[test]
 fn labels_occlusion_and_size_stay() {
     let place = Place::new();
     let task = |end: &str| {

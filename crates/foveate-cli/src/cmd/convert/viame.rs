@@ -53,7 +53,7 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
 }
 
 /// The fields of a line; those in quotes may contain commas.
-fn split(line: &str) -> Vec<String> {
+pub(super) fn split(line: &str) -> Vec<String> {
     let (mut fields, mut field, mut quoted) = (vec![], String::new(), false);
     let mut characters = line.chars().peekable();
     while let Some(c) = characters.next() {
