@@ -63,6 +63,7 @@ pub fn catch_file_limit() {
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
+/// There is no such limit here.
 #[cfg(not(unix))]
 pub fn catch_file_limit() {}
 

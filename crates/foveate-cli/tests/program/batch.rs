@@ -1,7 +1,6 @@
 //! `foveate track` of many videos.
 
 use crate::place::{Place, errors};
-use foveate_testing::skip;
 
 /// Three short videos: one with its truth, one without a box, one damaged.
 fn videos(place: &Place) {
@@ -111,7 +110,7 @@ fn a_name_need_not_be_unicode() {
     let place = Place::new();
     let name = std::ffi::OsStr::from_bytes(b"v\xff");
     if std::fs::rename(place.path("video"), place.path("").join(name)).is_err() {
-        return skip("file system with names that are not Unicode");
+        return foveate_testing::skip("file system with names that are not Unicode");
     }
     for options in [&["--init", "50,60,28,28"][..], &["--detect"]] {
         let words = [&["track"], options, &["--no-video", "--no-report", "--json"]].concat();

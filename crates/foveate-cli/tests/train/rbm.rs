@@ -1,6 +1,5 @@
 //! `foveate train rbm` as a user meets it: it trains, it survives being killed, and its errors name the problem.
 
-use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::Command;
 
@@ -42,6 +41,7 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
+    use std::io::{BufRead, BufReader, Read};
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
     let mut child = command(dir.path(), "m.safetensors", &["training.epochs=100000"]).spawn().expect("it runs");
