@@ -13,7 +13,9 @@
 //!
 //! Particles find the place well, and the size and shape badly: a target that turns or deforms keeps frame 1's shape
 //! for them. So they follow a share of the correction of size and width / height at each evaluation of a confident
-//! frame; the rest of the correction, and that of the place, is for output only (docs/lab/real-video.md).
+//! frame: the gain of a Kalman filter whose variance is the square of the correction less that of the expected error
+//! (adaptive process noise; Mehra, 1972). The rest of the correction, and that of the place, is for output only
+//! (docs/lab/real-video.md).
 //!
 //! Deviation: the paper reports the mean of the belief, and has no network that changes it.
 
@@ -44,6 +46,9 @@ const MOST_ERROR: f64 = 1.0;
 /// The farthest that a box goes, half sides and log scale: the network was trained on boxes that are farther off, and errs there.
 const FARTHEST: f64 = 0.5;
 
+/// The largest share of a correction that the particles take, unless `follow` is larger.
+const MOST_SHARE: f64 = 0.5;
+
 /// The largest feature that is taken of a saved tracker, and more frames than any video has.
 const MOST: f32 = 1e4;
 const MOST_FRAMES: u64 = 1 << 48;
@@ -57,7 +62,8 @@ foveate_base::settings! {
         pub every: usize = 3; 1.0 to 100.0,
         /// Weight of the newest correction in the running mean, above 0 to 1.
         pub rate: f64 = 0.7; 1e-3 to 1.0,
-        /// Share of the correction of size and width / height that the particles take at an evaluation, 0 to 1.
+        /// Least share of the correction of size and width / height that the particles take at an evaluation, 0 to 1; they take up to
+        /// a half if it exceeds its expected error. 0 is off.
         pub follow: f64 = 0.0; 0.0 to 1.0,
     }
 }
@@ -207,10 +213,13 @@ impl BoxRegression {
         }
         histograms.learn(&glimpse.coarse);
         colours.update(histograms);
-        let [_, _, log_scale, half_aspect] = &mut correction.mean;
-        let shares = [settings.follow * *log_scale, settings.follow * *half_aspect];
-        (*log_scale, *half_aspect) = (*log_scale - shares[0], *half_aspect - shares[1]);
-        Some([shares[0], 2.0 * shares[1]])
+        let mut take = |k: usize| {
+            let (mean, error) = (&mut correction.mean[k], correction.errors[k]);
+            let share = share(settings.follow, *mean, error) * *mean;
+            *mean -= share;
+            share
+        };
+        Some([take(2), 2.0 * take(3)])
     }
 
     /// Adds the values read since the last call.
@@ -244,10 +253,27 @@ impl BoxRegression {
     }
 }
 
+/// The share of a correction that the particles take, with this expected error: at least `least`.
+fn share(least: f64, correction: f64, error: f64) -> f64 {
+    let excess = 1.0 - (error / correction).powi(2);
+    if excess > 0.0 { least + (MOST_SHARE - least).max(0.0) * excess } else { least }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use foveate_base::files::Nowhere;
+
+    /// A correction c with the expected error e: 1 − e² / c² is the gain of a filter with the variance c² − e².
+    #[test]
+    fn the_particles_take_more_of_a_correction_that_exceeds_its_error() {
+        for (correction, error, exact) in
+            [(0.1, 0.2, 0.1), (0.1, 0.1, 0.1), (-0.2, 0.1, 0.4), (0.2, 0.0, 0.5), (0.0, 0.0, 0.1), (0.0, 0.1, 0.1)]
+        {
+            assert!((share(0.1, correction, error) - exact).abs() < 1e-12, "{correction} with an error of {error}");
+        }
+        assert_eq!(share(0.7, 0.2, 0.0), 0.7, "no less than the setting");
+    }
 
     /// Reads pixels in every `every`-th frame alone; between them the box is moved by the answers until then.
     #[test]

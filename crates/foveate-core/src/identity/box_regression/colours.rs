@@ -21,7 +21,7 @@ const AROUND: f64 = 1.1;
 const EMPTY: f32 = 0.004;
 /// Weight of frame 1, and that of the newest evaluation in the running mean.
 const FIRST: f32 = 0.5;
-const RATE: f32 = 0.115;
+const RATE: f32 = 0.04;
 
 /// Shares of the bins: those in the target, then those around it, each of sum 1; of frame 1, and the running mean.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
