@@ -81,6 +81,15 @@ pub struct FrameEvidence {
     pub unit: f64,
     /// A lower bound on P(lost) from another source, such as the class; 0 without one.
     pub alarm: f64,
+    /// The result of a search of the whole picture in this frame; `None` without a search.
+    pub search: Option<SearchResult>,
+}
+
+/// The result of a search of the whole picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SearchResult {
+    /// The place that fits best; `None` if nothing was found.
+    pub best: Option<State>,
 }
 
 /// Computes P(lost) of frames by a model, relative to running means of the evidence on the target.
@@ -184,6 +193,7 @@ impl LossMonitor {
 
     /// Judges a frame.
     pub fn judge(&mut self, shown: &FrameEvidence) -> TrackConfidence {
+        self.searched(shown.search);
         let absent = shown.absent.map(within_odds);
         let cues = self.cues(shown, absent);
         let verdict = self.verdict(&cues, shown.alarm);
@@ -213,11 +223,17 @@ impl LossMonitor {
         }
         m.confident = m.confident.saturating_add(usize::from(verdict.own < CONFIDENT));
         (m.p_lost, m.own, m.cues) = (verdict.reported, verdict.own, cues);
-        self.hold()
+        self.report()
     }
 
-    /// The result of a frame without evidence: P(lost) is unchanged, and the status follows from it.
-    pub fn hold(&mut self) -> TrackConfidence {
+    /// The result of a frame that is not judged: P(lost) is unchanged, and the status follows from it.
+    pub fn hold(&mut self, search: Option<SearchResult>) -> TrackConfidence {
+        self.searched(search);
+        self.report()
+    }
+
+    /// The status that follows from P(lost).
+    fn report(&mut self) -> TrackConfidence {
         let m = &mut self.state;
         m.reported.update(m.p_lost, self.model.status, self.model.patience);
         self.last()
@@ -313,9 +329,11 @@ impl LossMonitor {
         model.by_absence(cues) > model.enter && model.own(cues) <= model.enter
     }
 
-    /// The best fit in the whole picture: the search does not end at another place.
-    pub fn searched(&mut self, best: Option<&State>) {
-        self.state.best_place = best.copied();
+    /// Takes the best fit in the whole picture, if there was a search: it does not end at another place.
+    fn searched(&mut self, search: Option<SearchResult>) {
+        if let Some(search) = search {
+            self.state.best_place = search.best;
+        }
     }
 
     /// Where the target was seen last; `None` before the first frame.

@@ -1,7 +1,7 @@
 //! The search around a state for places that resemble the target.
 
 use super::view::View;
-use crate::control::{DistractorSearch, distractors};
+use crate::control::{DistractorSearch, SearchResult, distractors};
 use crate::geometry::State;
 
 /// The places around one state, apart from itself, that look most like the target.
@@ -12,6 +12,8 @@ pub(super) struct Distractors {
     /// The log-likelihood of the best of these places, −∞ if there is none; `None` if there was no search.
     pub best: Option<f64>,
     pub states: Vec<State>,
+    /// The result of a search of the whole picture; `None` without one.
+    pub search: Option<SearchResult>,
 }
 
 impl Distractors {
@@ -35,8 +37,8 @@ impl Distractors {
         self
     }
 
-    /// Marks the result as out of date, and keeps its buffers.
+    /// Marks the results as out of date, and keeps their buffers.
     pub(super) fn forget(self) -> Self {
-        Self { around: None, best: None, ..self }
+        Self { around: None, best: None, search: None, ..self }
     }
 }

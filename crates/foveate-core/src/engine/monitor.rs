@@ -157,6 +157,7 @@ impl Monitor {
             estimate: estimate.mean,
             unit,
             alarm,
+            search: around.search,
         }
     }
 
@@ -173,7 +174,7 @@ impl Monitor {
     /// Computes P(lost) and the status of frame `t`, and what follows from them. If the frame is not judged, P(lost) does not change, and
     /// nothing is learned.
     pub(super) fn judge(&mut self, is_judged: bool, evidence: &FrameEvidence, (was_lost, t): (bool, u64)) -> Verdict {
-        let confidence = if is_judged { self.loss.judge(evidence) } else { self.loss.hold() };
+        let confidence = if is_judged { self.loss.judge(evidence) } else { self.loss.hold(evidence.search) };
         let is_searching = self.loss.is_searching();
         let is_misled = is_searching && !was_lost && self.loss.is_misled();
         let learns = is_judged && self.consistency.learns(t, is_searching) && !self.loss.is_doubted();

@@ -6,13 +6,13 @@ use super::filter::Filter;
 use super::monitor::Monitor;
 use super::particles::Particles;
 use super::view::{Looks, View};
-use crate::control::{ByColour, CLOSER, LocalSearch, REFINEMENTS, WORTH};
+use crate::control::{ByColour, CLOSER, LocalSearch, REFINEMENTS, SearchResult, WORTH};
 use crate::geometry::State;
 use foveate_base::rng::{Purpose, Streams};
 
 impl Filter {
-    /// Searches the whole picture if the target is lost, and around the estimate otherwise. Returns the distractors around the estimate,
-    /// if there was a search for them, in the buffer `found`.
+    /// Searches the whole picture if the target is lost, and around the estimate otherwise. Returns the best place in the picture and the
+    /// distractors around the estimate, each if there was a search for it, in the buffer `found`.
     pub(super) fn search(
         &mut self,
         view: &mut View<'_>,
@@ -23,15 +23,15 @@ impl Filter {
         found: Distractors,
     ) -> Distractors {
         let streams = |purpose| streams.at(t, purpose);
+        let mut found = found.forget();
         if view.is_judged && self.follow_colours(view, belief, looks, monitor, (streams(Purpose::ColourSearch), t)) {
-            return found.forget();
+            return found;
         }
         if self.redetection.as_mut().is_some_and(|search| search.is_due(lost, t)) {
             let seen = monitor.loss.seen().copied().unwrap_or_else(|| belief.belief().mean());
             let best = self.redetect(view, belief, looks, &seen, streams(Purpose::Redetection));
-            monitor.loss.searched(best.as_ref());
+            found.search = Some(SearchResult { best });
         }
-        let found = found.forget();
         if lost || !view.is_judged {
             return found;
         }

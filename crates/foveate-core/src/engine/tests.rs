@@ -435,8 +435,8 @@ fn a_misled_tracker_forgets_once() {
     assert_eq!((learned.forgotten.load(Ordering::Relaxed), learned.lessons.len()), (1, 0));
 }
 
-/// Searches frame 60 for a target that is at column 70, with particles at column 50. Returns the particles.
-fn searched(monitor: &mut Monitor, fraction: f64, lost: bool, found: &'static [Detection]) -> Particles {
+/// Searches frame 60 for a target that is at column 70, with particles at column 50. Returns the particles, and what was found.
+fn searched(monitor: &mut Monitor, fraction: f64, lost: bool, found: &'static [Detection]) -> (Particles, Distractors) {
     let mut filter = parts(Toy::at(70.0)).filter.with_local_search(Some(LocalSearch::new(Default::default())));
     filter = filter.with_redetection(Some(Redetection::new(Default::default())));
     filter = filter.with_detection_likelihood(Some(DetectionLikelihood::default()));
@@ -444,8 +444,8 @@ fn searched(monitor: &mut Monitor, fraction: f64, lost: bool, found: &'static [D
         let (mut belief, mut looks) = weighed(view, &[50.0; 10]);
         view.scene.detections = found;
         let when = (lost, Streams::new(1, 0), 60);
-        filter.search(view, &mut belief, &mut looks, monitor, when, Distractors::default());
-        belief
+        let found = filter.search(view, &mut belief, &mut looks, monitor, when, Distractors::default());
+        (belief, found)
     })
 }
 
@@ -466,7 +466,7 @@ pub(super) fn beside(remembers: bool) -> Monitor {
 #[test]
 fn the_local_search_takes_a_new_place_of_a_visible_target() {
     for (remembers, fraction, leaps) in [(false, 1.0, true), (true, 1.0, false), (false, 0.3, false)] {
-        let belief = searched(&mut beside(remembers), fraction, false, &[]);
+        let (belief, _) = searched(&mut beside(remembers), fraction, false, &[]);
         assert_eq!(!belief.drawn.is_empty(), leaps, "remembers {remembers}, {fraction} of it is visible");
     }
 }
@@ -476,7 +476,7 @@ fn the_local_search_takes_a_new_place_of_a_visible_target() {
 fn particles_drawn_again_have_the_detection_likelihood() {
     let found = vec![Detection::new(target(72.0), 1.0)].leak();
     for lost in [false, true] {
-        let [without, with] = [&[][..], found].map(|found| searched(&mut beside(false), 1.0, lost, found));
+        let [without, with] = [&[][..], found].map(|found| searched(&mut beside(false), 1.0, lost, found).0);
         assert!(!with.drawn.is_empty());
         for i in with.drawn {
             let weight = DetectionLikelihood::default().log_likelihood(found, &with.states[i], EXTENT);
@@ -493,9 +493,8 @@ fn a_search_does_not_end_beside_the_best_place() {
         let here = evidence(&mut monitor);
         let lost = FrameEvidence { consistency: Consistency { deficit: 1.0, ..here.consistency }, ..here };
         (0..5).for_each(|_| _ = monitor.judge(true, &lost, (false, 1)));
-        if elsewhere {
-            searched(&mut monitor, 1.0, true, &[]);
-        }
+        let search = searched(&mut monitor, 1.0, true, &[]).1.search;
+        let here = FrameEvidence { search: search.filter(|_| elsewhere), ..here };
         (0..5).for_each(|_| _ = monitor.judge(true, &here, (true, 1)));
         assert_eq!(monitor.loss.is_searching(), elsewhere);
     }

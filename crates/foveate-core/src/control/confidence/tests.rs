@@ -21,6 +21,7 @@ fn shown(evidence: f64, deficit: f64) -> FrameEvidence {
         estimate,
         unit: 10.0,
         alarm: 0.0,
+        search: None,
     }
 }
 
@@ -194,7 +195,7 @@ fn a_frame_that_is_not_judged_goes_on_with_its_p_lost() {
     (0..30).for_each(|_| _ = c.judge(&shown(-3.0, 0.0)));
     let first = std::iter::repeat_with(|| c.judge(&shown(-12.0, 1.0))).find(|it| it.p_lost >= 0.5).expect("soon");
     assert_eq!(first.status, Status::Occluded);
-    let held: Vec<_> = (0..4).map(|_| c.hold()).collect();
+    let held: Vec<_> = (0..4).map(|_| c.hold(None)).collect();
     assert!(held.iter().all(|it| it.p_lost == first.p_lost));
     use Status::{Lost, Occluded};
     assert_eq!(held.iter().map(|it| it.status).collect::<Vec<_>>(), [Occluded, Occluded, Lost, Lost]);
