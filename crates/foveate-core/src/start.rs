@@ -12,7 +12,7 @@ foveate_base::settings! {
     /// Spread of the first particles. Lengths are in template units: 1 is half the box.
     #[derive(Copy)]
     pub struct StartSpread in "start" {
-        /// Standard deviation of the position.
+        /// Standard deviation of the position, half sides of the box.
         pub position: f64 = 0.05; 0.0 to 100.0,
         /// Standard deviation of the velocity, template units a frame.
         pub velocity: f64 = 0.1; 0.0 to 100.0,

@@ -39,7 +39,7 @@ pub const OFFERED: &[(&str, &[(&str, &str)])] = &[
         "Real video, seen in part",
         &[
             ("narrow", "a small window that learns where to look"),
-            ("foveated", "a sensor that reads 244 values a frame"),
+            ("foveated", "a sensor that reads at most 244 values a plane"),
         ],
     ),
     (

@@ -37,9 +37,9 @@ foveate_base::settings! {
         pub threshold: f64 = 0.6; 0.0 to 100.0,
         /// The same threshold during a search; the smaller one applies.
         pub while_lost: f64 = 100.0; 0.0 to 100.0,
-        /// Exponent that softens the weights.
+        /// Exponent of the likelihood in the weights that `flat` refers to.
         pub temperature: f64 = 0.25; 0.0 to 1.0,
-        /// Effective sample size of the softened weights, as a share of N, above which nothing fits.
+        /// Effective sample size of these weights, as a share of N, above which no place fits.
         pub flat: f64 = 0.9; 0.0 to 1.0,
         /// Frames after the start whose mean evidence corrects the reference likelihood of frame 1, 0 to 1000.
         pub settle: usize = 10; 0.0 to 1000.0,

@@ -70,7 +70,7 @@ foveate_base::settings! {
         pub position: f64 = 0.035; 0.0 to 100.0,
         /// Share of the log scale kept: 1 is a random walk, below 1 it returns to the first size.
         pub scale_pull: f64 = 0.9; 0.0 to 1.0,
-        /// Standard deviation of the log scale noise.
+        /// Standard deviation of the log scale noise in a frame.
         pub log_scale: f64 = 0.01; 0.0 to 5.0,
         /// Share of the angle kept: 1 is a random walk, below 1 it returns upright.
         pub angle_pull: f64 = 0.9; 0.0 to 1.0,
@@ -78,7 +78,7 @@ foveate_base::settings! {
         pub angle: f64 = 0.0; 0.0 to 100.0,
         /// Share of the log aspect kept: 1 is a random walk, below 1 it returns to the first shape.
         pub aspect_pull: f64 = 1.0; 0.0 to 1.0,
-        /// Standard deviation of the log aspect noise.
+        /// Standard deviation of the log aspect noise in a frame.
         pub aspect: f64 = 0.0; 0.0 to 5.0,
         /// Share of the particles with heavy-tailed noise, for hand-held cameras, 0 to 1.
         pub tail_probability: f64 = 0.0; 0.0 to 1.0,

@@ -42,12 +42,12 @@ foveate_base::settings! {
     pub struct Mixing in "proposal" and rules {
         /// α, the share of particles that start at a detection, 0 to 0.99.
         pub alpha: f64 = 0.25; 0.0 to 0.99,
-        /// Standard deviation of their positions about the detection's centre, 0.01 to 10.
+        /// Standard deviation of their positions about the detection's centre, template units, 0.01 to 10.
         pub spread: f64 = 0.3; 0.01 to 10.0,
-        /// Standard deviation of their log scale about that of the detection, 0.001 to 5. By default the detection's size is ignored.
+        /// Standard deviation of their log scale about that of the detection, 0.001 to 5. Without it the detection's size is ignored.
         #[serde(skip_serializing_if = "Option::is_none")]
         pub size: Option<f64> = None,
-        /// Largest distance of a detection from a particle's predicted position, 0 to 1000.
+        /// Largest distance of a detection from a particle's predicted position, template units, 0 to 1000.
         pub gate: f64 = 4.0; 0.0 to 1000.0,
         /// How a detection changes the prediction of a particle.
         #[serde(skip_serializing_if = "Update::is_replace")]

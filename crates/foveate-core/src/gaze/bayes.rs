@@ -14,7 +14,7 @@ pub(super) const FLOOR: f64 = 0.02;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Bayes {
-    /// Half the side of the square of gazes.
+    /// Half the side of the square of gazes, template units.
     pub reach: f64,
     /// Number of past rewards used, 2 to 1000.
     pub window: usize,
@@ -24,7 +24,7 @@ pub struct Bayes {
     pub start: f64,
     /// Frames between two fits of the hyper-parameters; the paper's is 1.
     pub refit: usize,
-    /// δ of βₜ, above 0 to below 1.
+    /// δ in the exploration weight βₜ, above 0 to below 1.
     pub delta: f64,
     /// Factor of √βₜ; the paper's is 1, 0 never explores, 0 to 10.
     pub exploration: f64,

@@ -18,7 +18,7 @@ pub enum Accumulate {
     Sum,
     /// Share of frames with most likely class c, as in the authors' code.
     Count,
-    /// As `Sum`, with weight (1 − 1/memory)ᵗ after t frames.
+    /// As `sum`, but the weight of a frame is (1 − 1/memory)ᵗ after t more frames.
     Forgetting {
         /// Effective number of frames, 1 to a million.
         memory: f64,

@@ -16,13 +16,11 @@ foveate_base::settings! {
         pub score: f64 = 0.2; 0.0 to 1.0,
         /// Weight of appearance in that score; overlap and motion share the rest, 0 to 1.
         pub looks: f64 = 0.3; 0.0 to 1.0,
-        /// Evidence deficit at which the template of a fully visible target is updated from its detection; never above
-        /// 2, 0 to 3.
+        /// Evidence deficit above which the template of a fully visible target is updated from its detection; from 2 on: never, 0 to 3.
         pub renew: f64 = 0.4; 0.0 to 3.0,
         /// Weight of the newest detection in the shape of a target's box, 0 to 1.
         pub shape: f64 = 0.3; 0.0 to 1.0,
-        /// Rank among recent scores below which a detection is weak and is assigned last (two-stage association), 0 to
-        /// 1.
+        /// Rank among recent scores below which a detection is weak and is assigned last (two-stage association), 0 to 1.
         pub weak: f64 = 0.0; 0.0 to 1.0,
         /// Interval of the detector in frames. Frames between do not count as frames without a detection, 1 to 1000.
         pub every: usize = 1; 1.0 to 1000.0,
@@ -55,8 +53,7 @@ foveate_base::settings! {
         pub covered: f64 = 0.6; 0.0 to 1.0,
         /// Least mean rank of their scores, 0 to 1.
         pub rank: f64 = 0.0; 0.0 to 1.0,
-        /// Mean rank from which on only a target with nearly the same box prevents a start; never above 1, 0 to
-        /// 2.
+        /// Mean rank from which on only a target with nearly the same box prevents a start; above 1: none, 0 to 2.
         pub strong: f64 = 2.0; 0.0 to 2.0,
         /// Least width and height in pixels, 2 to 10000.
         pub side: f64 = 8.0; 2.0 to 10_000.0,

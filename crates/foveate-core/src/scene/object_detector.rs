@@ -48,8 +48,8 @@ pub struct Settings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layout {
-    /// `yolov8` or `yolov5`, by the shape. Six numbers a box are ambiguous (`yolov5` with one class, `end-to-
-    /// end`): name the layout.
+    /// `yolov8` or `yolov5`, by the shape. With six numbers a box, name the layout: it may be `yolov5` of one class or
+    /// `end-to-end`.
     #[default]
     Auto,
     /// (1, 4 + classes, boxes): centre x, y, width, height, class scores. YOLOv8, YOLO11.

@@ -81,8 +81,9 @@ const INTRODUCTIONS: [(&str, &str); 23] = [
     ("consistency", "Compares the evidence of each frame with the likelihoods of frame 1, on the target and off it."),
     (
         "confidence",
-        "The logistic model of P(lost) and the rules of the status. Fit it with `foveate train confidence` after a change of likelihood, \
-         encoder or dynamics.",
+        "P(lost) = 1 / (1 + exp(−b − Σ wₖ cₖ)) with the [cues](confidence.md#cues) cₖ, and the rules of search and status. The \
+         *own* P(lost) is that without the second tracker. Fit it with `foveate train confidence` after a change of likelihood, encoder or \
+         dynamics.",
     ),
     ("recogniser", "Reports the class of the target. Without `alarm` it changes no track."),
     ("redetection", "Searches the whole picture for a lost target. Lengths are in template units."),
@@ -91,7 +92,11 @@ const INTRODUCTIONS: [(&str, &str); 23] = [
         "Finds a target that leaps farther than the particles reach, in the same frame, among the places near the estimate. It needs \
          `[distractors]`. Lengths are in template units.",
     ),
-    ("multi_target", "Data association, initiation, termination, re-identification and occlusion of many targets."),
+    (
+        "multi_target",
+        "Data association, initiation, termination, re-identification and occlusion of many targets. Distances are in half sides of \
+         the target's box.",
+    ),
 ];
 
 /// Every section and every key.

@@ -13,12 +13,11 @@ pub(crate) fn configurations() -> String {
         let (retina, _) = config.identity(&Nowhere).expect("its model ships");
         let (rings, colour) = (&retina.config().rings, &retina.config().colour);
         let windows: Vec<String> = rings.iter().map(|[window, cell]| format!("{window}/{cell}")).collect();
-        let s = if rings.len() == 1 { "" } else { "s" };
-        let colours = if colour.is_empty() { "" } else { ", and colour" };
-        let looks = format!("{} ring{s} ({}){colours}", rings.len(), windows.join(", "));
+        let looks = windows.join(", ") + if colour.is_empty() { "" } else { ", colour" };
+        let lost = lost(name, text, &config);
         let (name, particles) = (format!("`{name}`"), config.particles.to_string());
-        let (policy, encoder, lost) = (policy(&config.policy), encoder(&config.encoder), lost(&config));
-        out += &line([&name, &purpose(text), &policy, &looks, encoder, &particles, lost]);
+        let (policy, encoder) = (policy(&config.policy), encoder(&config.encoder));
+        out += &line([&name, &purpose(text), &policy, &looks, encoder, &particles, &lost]);
     }
     out
 }
@@ -48,24 +47,26 @@ fn policy(config: &PolicyConfig) -> String {
 
 fn encoder(config: &EncoderConfig) -> &'static str {
     match config {
-        EncoderConfig::Onnx { .. } => "network in an ONNX file (`onnx`)",
-        EncoderConfig::Oriented { .. } => "gradients (`oriented`)",
-        EncoderConfig::Raw { standardise: true } => "standardised pixels (`raw`)",
-        EncoderConfig::Raw { .. } => "pixels (`raw`)",
-        EncoderConfig::Rbm { .. } => "RBM (`rbm`)",
-        EncoderConfig::Kmeans { .. } => "k-means filters (`kmeans`)",
+        EncoderConfig::Onnx { .. } => "`onnx`",
+        EncoderConfig::Oriented { .. } => "`oriented`",
+        EncoderConfig::Raw { standardise: true } => "`raw`, standardised",
+        EncoderConfig::Raw { .. } => "`raw`",
+        EncoderConfig::Rbm { .. } => "`rbm`",
+        EncoderConfig::Kmeans { .. } => "`kmeans`",
         _ => unreachable!("a configuration that ships has parts of the library"),
     }
 }
 
-/// Where the numbers of P(lost) come from.
-fn lost(config: &Config) -> &'static str {
+/// Where the numbers of P(lost) come from: the command above them names the configuration that they were fitted to.
+fn lost(name: &str, text: &str, config: &Config) -> String {
     let weights = config.confidence.weights;
-    if weights == foveate::control::ConfidenceModel::default().weights {
-        "default, not calibrated"
-    } else if weights[1..].iter().all(|w| *w == 0.0) {
-        "0 or 1: a threshold"
-    } else {
-        "fitted"
+    let fitted =
+        text.split("foveate train confidence --config ").nth(1).and_then(|rest| rest.split_whitespace().next());
+    match fitted {
+        _ if weights == foveate::control::ConfidenceModel::default().weights => "default, not calibrated".into(),
+        _ if weights[1..].iter().all(|w| *w == 0.0) => "0 or 1: a threshold".into(),
+        Some(other) if other == name => "fitted".into(),
+        Some(other) => format!("fitted to `{other}`"),
+        None => "not calibrated".into(),
     }
 }

@@ -29,18 +29,17 @@ foveate_base::settings! {
     /// g is 1, or with `sharp` above 0: r⁴ / (r⁴ + `sharp`⁴) for the root mean square r of e in half boxes.
     #[derive(Copy)]
     pub struct Localisation in "confidence.localisation" {
-        /// Share of the belief's covariance of place, 0 to 100.
+        /// Factor of the covariance of the particles' positions, 0 to 100.
         pub belief: f64 = 1.0; 0.0 to 100.0,
-        /// Share of the squares of the box regression's expected errors of place, 0 to 100.
+        /// Factor of the variance of position that the box regression estimates, 0 to 100.
         pub borders: f64 = 1.0; 0.0 to 100.0,
-        /// Standard deviation of a true box in whole pixels, px, 0 to 100.
+        /// Standard deviation of the rounding of true boxes to whole pixels, px, 0 to 100.
         pub pixels: f64 = 0.0; 0.0 to 100.0,
-        /// Standard deviation at an effective sample size of 1, template units, 0 to 10.
+        /// Standard deviation at an effective sample size of 1, template units, 0 to 10. At size n it is divided by n to the 1.5.
         pub lone: f64 = 0.0; 0.0 to 10.0,
-        /// Expected error of the box regression, half boxes, 0 to 1, below which, for sharp borders, all terms but `lone` and `speed` are reduced; 0
-        /// is off.
+        /// If the box regression estimates a smaller error than this, half boxes, `belief`, `borders` and `pixels` count less; 0 is off, 0 to 1.
         pub sharp: f64 = 0.0; 0.0 to 1.0,
-        /// Standard deviation along the motion, share of the displacement since the last frame, 0 to 1.
+        /// Standard deviation along the motion, as a share of the displacement since the last frame, 0 to 1.
         pub speed: f64 = 0.0; 0.0 to 1.0,
     }
 }

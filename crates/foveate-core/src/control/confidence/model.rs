@@ -57,10 +57,10 @@ pub(super) const MOST_ODDS: f64 = 6.0;
 foveate_base::settings! {
     /// The model, and the rules of the search and of the status.
     pub struct ConfidenceModel in "confidence" and rules {
-        /// Weights wₖ of the cues; missing ones are 0.
+        /// Weights wₖ, nats per unit of cue k; missing ones are 0.
         #[serde(deserialize_with = "padded")]
         pub weights: [f64; OWN] = [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
-        /// Bias b.
+        /// Bias b, nats.
         pub bias: f64 = -4.0; -1e3 to 1e3,
         /// Weights of the second opinion in the reported P(lost); none without one.
         pub second_opinion: SecondTrackerWeights = Default::default(),
@@ -70,7 +70,7 @@ foveate_base::settings! {
         pub absence: AbsenceWeights = Default::default(),
         /// Weights of the colours and the box regression in the first frames.
         pub early: EarlyWeights = Default::default(),
-        /// Own P(lost), without the second tracker, above which a frame counts towards a search, 0 to 1.
+        /// Own P(lost) above which a frame counts towards a search, 0 to 1.
         pub enter: f64 = 0.5; 0.0 to 1.0,
         /// Own P(lost) below which a frame counts towards the end of a search, 0 to `enter`.
         pub leave: f64 = 0.3,
@@ -78,7 +78,7 @@ foveate_base::settings! {
         pub notice: usize = 2; 1.0 to 1000.0,
         /// Consecutive frames below `leave` that end a search, 1 to 1000.
         pub confirm: usize = 3; 1.0 to 1000.0,
-        /// Largest count of one such frame: its logit relative to that of `leave`, 1 to 10.
+        /// A frame below `leave` counts as its logit divided by that of `leave`, at most this much, 1 to 10.
         pub surest: f64 = 1.0; 1.0 to 10.0,
         /// Thresholds of the reported P(lost) at which the reported status changes. They change no box.
         pub status: StatusThresholds = Default::default(),
@@ -95,11 +95,11 @@ foveate_base::settings! {
     /// with P° by the tracker's own cues.
     #[derive(Copy)]
     pub struct SecondTrackerWeights in "confidence.second_opinion" {
-        /// Weight of the logit by the own cues.
+        /// Weight of the logit by the first tracker's cues.
         pub own: f64 = 1.0; -1e3 to 1e3,
         /// Weight of the agreement of both boxes, negative.
         pub agreement: f64 = 0.0; -1e3 to 1e3,
-        /// Bias.
+        /// Bias of this logit.
         pub bias: f64 = 0.0; -1e3 to 1e3,
     }
 
@@ -107,20 +107,20 @@ foveate_base::settings! {
     /// log P / (1 − P) = log P° / (1 − P°) + `weight` · log odds by the box regression that the target is not there, −6 to 6, + `bias`.
     #[derive(Copy)]
     pub struct ReacquisitionWeights in "confidence.box_regression" {
-        /// Weight of the network's logit of absence.
+        /// During a search, the own logit plus this weight times the network's newest logit of absence is compared with `leave`.
         pub weight: f64 = 0.0; -1e3 to 1e3,
-        /// Bias.
+        /// Bias of this sum.
         pub bias: f64 = 0.0; -1e3 to 1e3,
     }
 
     /// A lower bound on P(lost): logit `weight` · cue + `bias`, with the cue *absence*, a mean over many looks.
     #[derive(Copy)]
     pub struct AbsenceWeights in "confidence.absence" {
-        /// Weight of the newest evaluation in the running mean, above 0 to 1.
+        /// Weight of the newest evaluation in the running mean *absence*, above 0 to 1.
         pub rate: f64 = 0.25; 1e-3 to 1.0,
-        /// Weight of the mean logit; 0 is off.
+        /// Weight of *absence* in the logit of a lower bound of P(lost); 0 is off.
         pub weight: f64 = 0.0; 0.0 to 1e3,
-        /// Bias.
+        /// Bias of the bound.
         pub bias: f64 = 0.0; -1e3 to 1e3,
     }
 
@@ -129,13 +129,13 @@ foveate_base::settings! {
     /// below it. If the colours have changed and other places fit as well as the estimate, the target has probably gone.
     #[derive(Copy)]
     pub struct EarlyWeights in "confidence.early" {
-        /// Number of frames with an own P(lost) below 5 % after which the bound ends; 0 is off.
+        /// A lower bound of the reported P(lost) ends after this number of frames with an own P(lost) below 5 %; 0 is off.
         pub frames: usize = 0; 0.0 to 1000.0,
-        /// Weight of the excess of *colour* over *margin*.
+        /// Weight of the cue *colour* minus the cue *margin*, if positive.
         pub change: f64 = 0.0; 0.0 to 1e3,
         /// Weight of the cue *absence*.
         pub absence: f64 = 0.0; 0.0 to 1e3,
-        /// Bias.
+        /// Bias of the bound.
         pub bias: f64 = 0.0; -1e3 to 1e3,
     }
 }

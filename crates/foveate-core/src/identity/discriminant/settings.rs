@@ -13,11 +13,11 @@ foveate_base::settings! {
         pub first_frame_weight: f64 = 0.5; 0.0 to 1.0,
         /// Ridge added to the diagonal; features have a length of about 1.
         pub ridge: f64 = 0.003; 1e-6 to 1e3,
-        /// Probability of dropping each group of features (gradients, grey, colour), in expectation, 0 to 0.9.
+        /// Probability of dropping each group of features (gradients, grey, colour), 0 to 0.9. The fit minimises the expected error.
         pub dropout: f64 = 0.0; 0.0 to 0.9,
-        /// Standard deviation of the labels in position, template units, 0.01 to 10.
+        /// Standard deviation of the Gaussian of labels in position, template units, 0.01 to 10.
         pub spread: f64 = 0.2; 0.01 to 10.0,
-        /// Standard deviation of the labels in log scale, 0.01 to 10.
+        /// Standard deviation of the same Gaussian in log scale, 0.01 to 10.
         pub log_scale: f64 = 0.1; 0.01 to 10.0,
         /// Evidence deficit above which a frame is not learned, 0 to 2.
         pub gate: f64 = 0.5; 0.0 to 2.0,

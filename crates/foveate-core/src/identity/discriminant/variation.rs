@@ -27,7 +27,7 @@ use foveate_base::{Error, Result};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Variation {
-    /// Weight of the covariance, 0 to 1000.
+    /// Weight of the covariance in the matrix to which `discriminant.ridge` is added, 0 to 1000.
     pub weight: f64,
     /// A file of `foveate train variation`, or `builtin:natural-variation`.
     pub covariance: String,
