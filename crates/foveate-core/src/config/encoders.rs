@@ -28,7 +28,7 @@ pub enum EncoderConfig {
         /// The model.
         #[serde(default = "natural_kmeans")]
         weights: String,
-        /// Side of the pooling grid of each ring.
+        /// Cells along a side of the grid over which the responses of each ring are averaged.
         #[serde(default = "two")]
         pool: usize,
         /// Threshold of a filter's response to a whitened patch.

@@ -43,7 +43,7 @@ foveate_base::settings! {
         pub flat: f64 = 0.9; 0.0 to 1.0,
         /// Frames after the start whose mean evidence corrects the reference likelihood of frame 1, 0 to 1000.
         pub settle: usize = 10; 0.0 to 1000.0,
-        /// Interval of learning after the first `settle` frames, 1 to 1000.
+        /// Interval of learning in frames after the first `settle` frames, 1 to 1000.
         pub every: u64 = 1; 1.0 to 1000.0,
     }
 }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 pub struct Attention {
     /// Number of targets updated in a frame; 0 updates all.
     pub budget: usize,
-    /// Order of the targets.
+    /// Targets that come first: `round-robin`, those that waited longest; `surprise`, those that updates move most.
     pub policy: Priority,
 }
 

@@ -7,7 +7,7 @@ foveate_base::settings! {
     pub struct RedetectionSettings in "redetection" {
         /// Frames between two searches.
         pub every: u64 = 4; 1.0 to 1e6,
-        /// Distance of neighbouring places; it grows if there were more than 16,000, above 0 to 10.
+        /// Distance of neighbouring places, above 0 to 10; larger in pictures that would have more than 16,000 places.
         pub step: f64 = 0.3; 1e-3 to 10.0,
         /// Approximate number of places scored in a frame. Larger pictures are searched over several frames.
         pub budget: usize = MOST as usize; 64.0 to MOST,
