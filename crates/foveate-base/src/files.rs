@@ -67,13 +67,16 @@ pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a regular file of at most `most` bytes.
+/// The text of a regular file of at most `most` bytes, without the byte order mark that spreadsheets put first.
 ///
 /// # Errors
 /// As [`read`], and [`Error::Malformed`] if it is not UTF-8.
 pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
-    let path = path.as_ref();
-    String::from_utf8(read(path, most)?).map_err(|e| Error::malformed(path, format!("not UTF-8 text: {e}")))
+    let (path, mut bytes) = (path.as_ref(), read(path.as_ref(), most)?);
+    if bytes.starts_with("\u{feff}".as_bytes()) {
+        bytes.drain(.."\u{feff}".len());
+    }
+    String::from_utf8(bytes).map_err(|e| Error::malformed(path, format!("not UTF-8 text: {e}")))
 }
 
 /// The source of files: a folder, or [`Nowhere`] in a browser, which has no files.
@@ -134,6 +137,8 @@ mod tests {
         assert!(read(&path, 4).expect_err("too large").to_string().contains("5 bytes, more than the 4"));
         std::fs::write(&path, [0xff]).expect("a writable folder");
         assert!(read_text(&path, 5).expect_err("no text").to_string().contains("not UTF-8"));
+        std::fs::write(&path, "\u{feff}ab").expect("a writable folder");
+        assert_eq!(read_text(&path, 5).expect("text"), "ab");
         assert!(read(dir.path(), 5).expect_err("a folder").to_string().contains("not a regular file"));
         #[cfg(unix)]
         assert!(read("/dev/zero", 5).expect_err("without end").to_string().contains("not a regular file"));

@@ -121,6 +121,21 @@ fn spots_of_trackmate_are_square_boxes() {
     }
 }
 
+/// Spreadsheets and editors of Windows put a mark before a text.
+#[test]
+fn a_byte_order_mark_is_passed_over() {
+    let place = Place::new();
+    place.write("boxes.txt", OTB);
+    let size = ["--size", "64x48"];
+    for format in ["otb", "vot", "mot", "coco", "cvat", "label-studio", "viame", "trackmate"] {
+        place.convert("boxes.txt", "otb", "plain", format, &size);
+        place.write("marked", &format!("\u{feff}{}", place.read("plain")));
+        place.convert("plain", format, "there", "mot", &size);
+        place.convert("marked", format, "back", "mot", &size);
+        assert_eq!(place.read("back"), place.read("there"), "{format}");
+    }
+}
+
 #[test]
 fn labels_occlusion_and_size_stay() {
     let place = Place::new();

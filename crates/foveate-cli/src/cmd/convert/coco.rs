@@ -99,9 +99,9 @@ const PARSED: u64 = 8;
 
 /// Frames are the images ordered by `frame_id`, or by `id` if an image has no `frame_id`.
 pub(super) fn read(path: &Path) -> Result<Boxes> {
-    let text = files::read(path, files::TEXT)?;
+    let text = files::read_text(path, files::TEXT)?;
     memory::check(format_args!("{}: JSON of {} bytes", path.display(), text.len()), PARSED * text.len() as u64)?;
-    let file: File = serde_json::from_slice(&text)
+    let file: File = serde_json::from_str(&text)
         .map_err(|e| Error::malformed(path, format!("expected COCO's images and annotations: {e}")))?;
     let ordered = file.images.iter().all(|image| image.frame_id.is_some());
     let mut order: Vec<(i64, i64)> =

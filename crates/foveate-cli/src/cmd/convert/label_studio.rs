@@ -77,9 +77,9 @@ fn yes() -> bool {
 /// Boxes move linearly between key frames; a key frame that is not `enabled` is the last one of its stretch.
 pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
     let Size { width, height } = sized(path, size)?;
-    let text = files::read(path, files::TEXT)?;
+    let text = files::read_text(path, files::TEXT)?;
     memory::check(format_args!("{}: JSON of {} bytes", path.display(), text.len()), PARSED * text.len() as u64)?;
-    let tasks: Vec<Task> = serde_json::from_slice(&text)
+    let tasks: Vec<Task> = serde_json::from_str(&text)
         .map_err(|e| Error::malformed(path, format!("expected a list of Label Studio's tasks: {e}")))?;
     let drawn: Vec<&Annotation> = tasks.iter().flat_map(Task::drawn).collect();
     if drawn.len() > 1 {
