@@ -108,6 +108,9 @@ fn spots_of_trackmate_are_square_boxes() {
     place.write("gt.txt", "1,3,1,1,4,9,1,-1,-1,-1\n");
     let lost = place.convert("gt.txt", "mot", "spots.csv", "trackmate", &[]);
     assert!(lost.contains("1 boxes are not square") && place.read("spots.csv").contains(",3,1,"), "{lost}");
+    // The second line is a spot, not a head: its place may not be missing.
+    place.write("early.csv", "FRAME,TRACK_ID,RADIUS,POSITION_Y,POSITION_X\n2,0,4,10,\n");
+    assert!(place.failure("early.csv", "trackmate", "mot").contains("line 2: POSITION_X: expected a number"));
     for (from, to, problem) in [
         ("(pixel)", "(micron)", "line 4: expected positions in pixels, found micron"),
         ("RADIUS", "R", "line 1: expected a column RADIUS"),

@@ -32,7 +32,8 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         if fields.len() < names.len() {
             return Err(wrong(format!("expected {} fields between commas, found {}", names.len(), fields.len())));
         }
-        if number < HEAD && fields[x].parse::<f64>().is_err() {
+        let is_number = |k: usize| fields[k].parse::<f64>().is_ok();
+        if number < HEAD && ![x, y, radius, frame].into_iter().any(is_number) {
             let unit = fields[x].trim_matches(['(', ')']);
             if fields[x].starts_with('(') && !["", "pixel", "pixels"].contains(&unit) {
                 let advice = "in ImageJ, remove the scale (Analyze > Set Scale) before you track";
