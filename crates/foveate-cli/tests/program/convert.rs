@@ -139,6 +139,26 @@ fn a_byte_order_mark_is_passed_over() {
     }
 }
 
+/// The key frames of Label Studio are read in any order.
+#[test]
+fn key_frames_out_of_order_lose_no_boxes() {
+    let place = Place::new();
+    let key = |frame: usize, enabled: bool| {
+        format!("{{\"frame\":{frame},\"enabled\":{enabled},\"x\":{frame},\"y\":1,\"width\":9,\"height\":9}}")
+    };
+    let keys = [key(1, true), key(5, false), key(6, true), key(9, false)];
+    let frames = |order: [usize; 4]| {
+        let sequence = order.map(|k| keys[k].as_str()).join(",");
+        let region =
+            format!("{{\"type\":\"videorectangle\",\"value\":{{\"framesCount\":20,\"sequence\":[{sequence}]}}}}");
+        place.write("tasks.json", &format!("[{{\"annotations\":[{{\"result\":[{region}]}}]}}]"));
+        place.convert("tasks.json", "label-studio", "there", "mot", &["--size", "100x100"]);
+        place.read("there")
+    };
+    assert_eq!(frames([0, 1, 2, 3]).lines().count(), 9);
+    assert_eq!(frames([2, 3, 0, 1]), frames([0, 1, 2, 3]));
+}
+
 #[test]
 fn labels_occlusion_and_size_stay() {
     let place = Place::new();

@@ -105,7 +105,7 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
             turned += usize::from(key.rotation != 0.0);
             keys.insert(key.frame - 1, Some(bbox));
             if !key.enabled && key.frame < region.value.frames_count {
-                keys.insert(key.frame, None);
+                keys.entry(key.frame).or_insert(None);
             }
         }
         boxes.frames = boxes.frames.max(region.value.frames_count.min(MOST));
