@@ -193,6 +193,8 @@ fn labels_occlusion_and_size_stay() {
     place.write("dive.csv", "# metadata\n3,\"a, b.png\",0,1,1,9,9,0.5,-1,cat,0.2,dog,0.8,(atr) x 1\n");
     place.convert("dive.csv", "viame", "dive.xml", "cvat", &[]);
     assert!(place.read("dive.xml").contains("<track id=\"3\" label=\"dog\""));
+    place.write("named.xml", &place.read("dive.xml").replace("label=\"dog\"", "label=\"(left) dog\""));
+    assert!(place.convert("named.xml", "cvat", "there", "viame", &[]).contains("1 labels are read back otherwise"));
 }
 
 #[test]

@@ -84,7 +84,13 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
         let label = label.replace(['\n', '\r'], " ");
         if label.contains([',', '"']) { format!("\"{}\"", label.replace('"', "\"\"")) } else { label }
     };
-    let labels: BTreeMap<i64, String> = boxes.ids().into_iter().map(|id| (id, quoted(boxes.label(id)))).collect();
+    let plain: BTreeMap<i64, String> = boxes.ids().into_iter().map(|id| (id, boxes.label(id))).collect();
+    let labels: BTreeMap<i64, String> = plain.iter().map(|(id, text)| (*id, quoted(text.clone()))).collect();
+    let changed = plain.iter().filter(|(id, text)| label(&split(&labels[*id])) != Some(text)).count();
+    boxes.lose(
+        changed,
+        "labels are read back otherwise: they begin with a parenthesis or a space, or have several lines",
+    );
     for b in &boxes.tracks {
         let label = &labels[&b.id];
         let (right, bottom) = (b.bbox.x + b.bbox.w, b.bbox.y + b.bbox.h);
