@@ -134,6 +134,14 @@ fn nothing_that_is_asked_for_is_taken_first() {
     let track = format!("<track id=\"1\">{}{}</track>", shape(0), shape(99_999));
     write("cvat.xml", format!("<annotations>{}</annotations>", track.repeat(1000)).as_bytes());
     refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "600000 boxes");
+    // What can be read can be written.
+    let track = format!("<track id=\"1\">{}{}</track>", shape(0), shape(149_999));
+    write("cvat.xml", format!("<annotations>{track}</annotations>").as_bytes());
+    for to in ["coco", "label-studio"] {
+        let (well, said) =
+            bounded(&place, &["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", to, "--size", "64x48"]);
+        assert!(well, "{said}");
+    }
     write("cvat.xml", format!("<annotations>{}</annotations>", "<a/>".repeat(8_000_000)).as_bytes());
     refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "XML of 8000003 elements");
     let attributes: String = (0..300_000).map(|i| format!("a{i}=\"\" ")).collect();

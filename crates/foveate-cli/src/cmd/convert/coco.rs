@@ -8,7 +8,7 @@ use foveate::{BBox, Error, Result, files, memory};
 use serde::de::{IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::Boxes;
+use super::{Boxes, list};
 
 #[derive(Deserialize)]
 struct File {
@@ -155,11 +155,12 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
         }
         value
     };
-    let file = serde_json::json!({
-        "images": images.collect::<Vec<_>>(),
-        "annotations": boxes.tracks.iter().enumerate().map(annotation).collect::<Vec<_>>(),
-        "categories": (1..).zip(&categories).map(|(id, name)| serde_json::json!({"id": id, "name": name})).collect::<Vec<_>>(),
-    });
+    let text = format!(
+        "{{\"annotations\":{},\"categories\":{},\"images\":{}}}\n",
+        list(boxes.tracks.iter().enumerate().map(annotation)),
+        list((1..).zip(&categories).map(|(id, name)| serde_json::json!({"id": id, "name": name}))),
+        list(images)
+    );
     boxes.lost.push("names (000001.jpg ...), widths and heights of the pictures are not known; fill them in".into());
-    files::write(path, (file.to_string() + "\n").as_bytes())
+    files::write(path, text.as_bytes())
 }

@@ -128,8 +128,8 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
         let _ = writeln!(xml, "    <original_size><width>{width}</width><height>{height}</height></original_size>");
     }
     xml.push_str("  </task></meta>\n");
-    for (id, label) in labels {
-        let own: Vec<&TrackBox> = boxes.tracks.iter().filter(|b| b.id == id).collect();
+    for own in boxes.by_target().chunk_by(|a, b| a.id == b.id) {
+        let (id, label) = (own[0].id, &labels[&own[0].id]);
         let _ = writeln!(xml, "  <track id=\"{id}\" label=\"{label}\" source=\"auto\">");
         for (i, b) in own.iter().enumerate() {
             let hidden = boxes.occluded.contains(&(b.frame, id));

@@ -4,12 +4,11 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use foveate::geometry::Size;
-use foveate::video::mot::TrackBox;
 use foveate::{BBox, Error, Result, files, memory};
 use serde::Deserialize;
 use serde_json::json;
 
-use super::{Boxes, KeyFrames, MOST};
+use super::{Boxes, KeyFrames, MOST, list};
 
 /// Estimated bytes of memory per byte of the file.
 const PARSED: u64 = 8;
@@ -142,8 +141,8 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     let Size { width, height } = sized(path, boxes.size)?;
     let rate = boxes.rate.unwrap_or(RATE);
     let mut regions = vec![];
-    for id in boxes.ids() {
-        let own: Vec<&TrackBox> = boxes.tracks.iter().filter(|b| b.id == id).collect();
+    for own in boxes.by_target().chunk_by(|a, b| a.id == b.id) {
+        let id = own[0].id;
         let followed = |i: usize| own.get(i + 1).is_some_and(|next| next.frame == own[i].frame + 1);
         let sequence = own.iter().enumerate().map(|(i, b)| {
             let BBox { x, y, w, h } = b.bbox;
@@ -155,16 +154,15 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
                 "frame": frame, "time": time, "enabled": enabled, "rotation": 0, "x": x, "y": y, "width": w, "height": h
             })
         });
-        let sequence: Vec<_> = sequence.collect();
-        let label = boxes.label(id);
-        regions.push(json!({
-            "id": format!("{REGION}{id}"), "type": "videorectangle", "from_name": "box", "to_name": "video",
-            "value": {
-                "framesCount": boxes.frames, "duration": boxes.frames as f64 / rate, "sequence": sequence, "labels": [label]
-            },
-        }));
+        let (sequence, label) = (list(sequence), json!(boxes.label(id)));
+        let (count, duration) = (boxes.frames, json!(boxes.frames as f64 / rate));
+        regions.push(format!(
+            "{{\"from_name\":\"box\",\"id\":\"{REGION}{id}\",\"to_name\":\"video\",\"type\":\"videorectangle\",\"value\":\
+             {{\"duration\":{duration},\"framesCount\":{count},\"labels\":[{label}],\"sequence\":{sequence}}}}}"
+        ));
     }
-    let tasks = json!([{"data": {"video": ""}, "predictions": [{"result": regions}]}]);
+    let regions = list(regions.into_iter());
+    let tasks = format!("[{{\"data\":{{\"video\":\"\"}},\"predictions\":[{{\"result\":{regions}}}]}}]\n");
     boxes.lost.push("the address of the video is not known; fill in data.video before the import".into());
-    files::write(path, (tasks.to_string() + "\n").as_bytes())
+    files::write(path, tasks.as_bytes())
 }
