@@ -23,8 +23,19 @@ impl FailedOutputs {
         match &self.0.borrow()[..] {
             [] => Ok(()),
             failed => {
-                let how = |name: &str| if cut.contains(&name) { "ends early" } else { "was not written" };
-                let all: Vec<_> = failed.iter().map(|(name, why)| format!("{name} {}: {why}", how(name))).collect();
+                let is_cut = |name: &str| cut.contains(&name);
+                let alike = failed.chunk_by(|a, b| (is_cut(a.0), &a.1) == (is_cut(b.0), &b.1));
+                let of = |alike: &[(&str, String)]| {
+                    let names: Vec<&str> = alike.iter().map(|(name, _)| *name).collect();
+                    let how = match (is_cut(names[0]), names.len()) {
+                        (true, 1) => "ends early",
+                        (true, _) => "end early",
+                        (false, 1) => "was not written",
+                        (false, _) => "were not written",
+                    };
+                    format!("{} {how}: {}", names.join(", "), alike[0].1)
+                };
+                let all: Vec<_> = alike.map(of).collect();
                 Err(Error::Invalid(all.join("; ")))
             }
         }
@@ -71,5 +82,18 @@ impl<O: Observer> Observer for Tolerant<O> {
     }
     fn finish(&mut self) -> Result<()> {
         self.call(Observer::finish)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reason_of_several_files_is_given_once() {
+        let failed = FailedOutputs::default();
+        failed.0.borrow_mut().extend([("a", "full"), ("b", "full"), ("c", "full")].map(|(n, why)| (n, why.to_owned())));
+        let said = failed.check(&["c"]).expect_err("three files").to_string();
+        assert_eq!(said, "a, b were not written: full; c ends early: full");
     }
 }
