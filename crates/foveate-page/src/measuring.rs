@@ -59,13 +59,14 @@ impl Options {
         Ok(Settings { axes, lens: None, clock, fits: fit.into_iter().collect() })
     }
 
-    /// Returns the `foveate measure` command of a `foveate track` command.
-    pub(crate) fn command(&self, track: &str) -> String {
+    /// Returns the `foveate measure` command of the `foveate track` command of a target (from 0).
+    pub(crate) fn command(&self, target: usize, track: &str) -> String {
         let Self { ruler, origin, angle, fps, fit } = self;
         let named = [("ruler", ruler), ("origin", origin), ("angle", angle), ("fps", fps), ("fit", fit)];
         let given = named.into_iter().filter_map(|(name, text)| Some((name, text.as_ref()?)));
         let options: String = given.map(|(name, text)| format!(" --{name}={}", word(text))).collect();
-        track.replacen("foveate track", "foveate measure", 1) + &options
+        let names = if target == 0 { String::new() } else { format!(" --names={}", target + 1) };
+        track.replacen("foveate track", "foveate measure", 1) + &names + &options
     }
 }
 
@@ -155,8 +156,8 @@ mod tests {
         let files = files(&measured);
         assert!(files["files"][0]["text"].as_str().is_some_and(|text| text.ends_with(",2\n")), "the second target");
         assert_eq!(
-            options.command("foveate track a.mp4 --init 1,2,3,4"),
-            "foveate measure a.mp4 --init 1,2,3,4 --ruler=1,1,1,401=400+-0.2cm --angle=-0 --fit=parabola:y"
+            options.command(1, "foveate track a.mp4 --init 1,2,3,4"),
+            "foveate measure a.mp4 --init 1,2,3,4 --names=2 --ruler=1,1,1,401=400+-0.2cm --angle=-0 --fit=parabola:y"
         );
     }
 

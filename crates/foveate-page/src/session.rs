@@ -218,8 +218,11 @@ impl<H: Host> Session<H> {
             )));
         }
         let track = (0..).map_while(|piece| tracking.lines.piece(FILES[1], piece)).collect();
-        let command =
-            if self.is_live() { String::new() } else { options.command(&self.tracks.line(target, &self.name)?) };
+        let command = if self.is_live() {
+            String::new()
+        } else {
+            options.command(target, &self.tracks.line(target, &self.name)?)
+        };
         Ok((track, command))
     }
 
