@@ -189,7 +189,7 @@ mod tests {
         assert!(serde_json::from_value::<Options>(json!({ "rulers": "1" })).is_err());
         let settings = Settings::default();
         for (track, why) in [
-            (track(1, |_| true), "1 frames"),
+            (track(1, |_| true), "1 frame;"),
             (track(40, |_| false), "no frame"),
             (track(4, |_| true), "at least 5"),
             (String::new(), "no column"),

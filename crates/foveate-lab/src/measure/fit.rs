@@ -34,7 +34,7 @@ pub struct Fitted {
 pub fn fit(curve: Curve, points: &[Point]) -> Result<Fitted, String> {
     let count = curve.parameters().len();
     if points.len() < count + 2 {
-        return Err(format!("there are {} points; a {} needs at least {}", points.len(), curve.name(), count + 2));
+        return Err(format!("the curve needs at least {} points, not {}", count + 2, points.len()));
     }
     let undetermined =
         || format!("the {} points determine no {}; fit another curve or range", points.len(), curve.name());

@@ -12,7 +12,7 @@ use super::lens::Lens;
 use super::models::Curve;
 use super::smooth::{Sample, Smoothed, Smoothing, median, smooth};
 use super::track::{Position, Track};
-use super::units::{Axes, Clock, unit, with_error};
+use super::units::{Axes, Clock, unit, with_digits, with_error};
 
 /// The smallest standard deviation of a position, pixels.
 const FINEST: f64 = 1e-3;
@@ -361,9 +361,9 @@ impl Value {
     /// Returns the value with its standard error, unit and 95 % interval.
     pub fn text(&self) -> String {
         let [low, high] = self.interval;
-        let digits = (1 - self.error.log10().floor().clamp(-300.0, 300.0) as i32).max(0) as usize;
         let Self { name, value, error, unit, .. } = self;
-        format!("{name} = {} {unit} (95 %: {low:.digits$} to {high:.digits$})", with_error(*value, *error))
+        let (value, rounded) = (with_error(*value, *error), |end| with_digits(end, *error));
+        format!("{name} = {value} {unit} (95 %: {} to {})", rounded(low), rounded(high))
     }
 }
 
@@ -489,6 +489,14 @@ pub(super) mod tests {
         let measured = measured(&falling(0.0), None, &settings()).expect("a measurement");
         assert_eq!((measured.ask[0].stretch, measured.ask[0].reason), ([13, 14], "lost"));
         assert!(measured.notes.iter().any(|note| note.contains("first frame 13 of 13 to 14")), "{:?}", measured.notes);
+    }
+
+    /// The frames of a drawn film can be exact: there is no error to give the digits.
+    #[test]
+    fn values_without_an_error_have_short_texts() {
+        let still: Vec<Position> = falling(0.0).into_iter().map(|p| Position { centre: (5.0, 5.0), ..p }).collect();
+        let measured = measured(&still, None, &settings()).expect("a measurement");
+        assert!(measured.fits[0].values.iter().all(|value| value.text().len() < 40), "{:?}", measured.text());
     }
 
     #[test]

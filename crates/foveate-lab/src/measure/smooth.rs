@@ -12,6 +12,7 @@
 //! de Jong (1989), which inverts no covariance. A measurement that deviates from the prediction of all others by more than
 //! [`FAR`] standard deviations gets its squared deviation as additional variance.
 
+use foveate_base::text::counted;
 use foveate_base::{Error, Result};
 
 /// A measurement this many standard deviations away is down-weighted: one normal measurement of 2000.
@@ -146,8 +147,8 @@ impl Data {
         let known: Vec<(f64, f64)> = samples.iter().filter_map(|sample| sample.measured).collect();
         if known.len() < FEWEST {
             return Err(Error::Invalid(format!(
-                "the target was found in {} frames; a measurement needs at least {FEWEST}",
-                known.len()
+                "the target was found in {}; a measurement needs at least {FEWEST}",
+                counted(known.len(), "frame")
             )));
         }
         if let Some((value, variance)) = known.iter().find(|(y, v)| !(y.is_finite() && v.is_finite() && *v > 0.0)) {

@@ -125,10 +125,20 @@ pub fn unit(length: &str, exponents: (i32, i32)) -> String {
 /// Formats a value with its standard error: two digits of the error.
 pub fn with_error(value: f64, error: f64) -> String {
     if !(error > 0.0 && error.is_finite()) {
-        return format!("{value}");
+        return with_digits(value, error);
+    }
+    format!("{} ± {}", with_digits(value, error), with_digits(error, error))
+}
+
+/// Formats a number to the second digit of a standard error, or whole if there is none.
+pub(super) fn with_digits(number: f64, error: f64) -> String {
+    // Not -0.
+    let number = number + 0.0;
+    if !(error > 0.0 && error.is_finite()) {
+        return format!("{number}");
     }
     let digits = (1 - error.log10().floor() as i32).max(0) as usize;
-    format!("{value:.digits$} ± {error:.digits$}")
+    format!("{number:.digits$}")
 }
 
 #[cfg(test)]
@@ -162,5 +172,6 @@ mod tests {
         assert_eq!([(1, 0), (1, -1), (1, -2), (0, 1), (0, 0)].map(|e| unit("m", e)), ["m", "m/s", "m/s²", "s", "rad"]);
         let texts = [with_error(9.7934, 0.0421), with_error(1234.5, 123.0), with_error(2.0, 0.0)];
         assert_eq!(texts, ["9.793 ± 0.042", "1234 ± 123", "2"]);
+        assert_eq!([with_digits(0.12345, 0.02), with_digits(-0.0, 0.0)], ["0.123", "0"]);
     }
 }
