@@ -207,6 +207,42 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
+/// Wrong and short settings of a measurement: no endless requests, no numbers of another target.
+#[test]
+fn a_measurement_follows_clumsy_settings() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let (mut browser, _server) = need!(open(dir.path(), &[]));
+    browser.click(".entries button");
+    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    browser.draw(truth(0));
+    browser.click("#go");
+    track(&mut browser);
+    browser.value("byId('measuring').open = true");
+    let settled = "!measuring.busy && measuring.key === measureKey()";
+    browser.until(&format!("measuring.answer && {settled}"));
+    // A range that begins after the last frame is refused once.
+    browser.value("byId('fit-curve').value = 'line', byId('fit-curve').dispatchEvent(new Event('input')), true");
+    browser.fill("fit-from", "5");
+    browser.until(&format!("measuring.problem.includes('fit: ') && {settled}"));
+    // Recorded at 10000 frames a second: a range of some frames is shorter than a millisecond. The last frame counts.
+    browser.fill("fit-from", "0.00305");
+    browser.fill("fps", "10000");
+    browser.until(&format!("measuring.answer?.fit?.points === 5 && {settled}"));
+    browser.fill("fps", "");
+    browser.click("#fit-all");
+    // A ruler without length is none.
+    browser.fill("length", "1");
+    browser.value("scene.ruler = [[9, 9], [9, 9]], changed(), true");
+    browser.until(&format!("measuring.answer?.unit === 'px' && !measuring.problem && {settled}"));
+    // A second target with three frames has no numbers.
+    browser.show(FRAMES - 2);
+    browser.draw([40.0, 30.0, 50.0, 40.0]);
+    browser.click("#add");
+    browser.until("page.target === 1 && page.ended && !page.playing && !page.busy && !measuring.busy");
+    assert_eq!(browser.value("!measuring.answer && byId('measure-files').hidden"), json!(true));
+    assert!(browser.complaints.len() == 1 && browser.complaints[0].contains("400"), "{:?}", browser.complaints);
+}
+
 /// The browser's own camera, pretended: its frames go to the server, are tracked there, and results are saved.
 #[test]
 fn the_browsers_camera_is_followed_by_the_server() {

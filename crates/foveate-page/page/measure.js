@@ -1,17 +1,21 @@
 // The card that measures: asks for the numbers while a target is tracked, and shows them.
-const measuring = { answer: null, problem: '', key: '', busy: false, next: 0, took: 0 };
+// `times` are those of the last answer: a failed one does not change them.
+const measuring = { answer: null, times: [], problem: '', key: '', busy: false, next: 0, took: 0 };
 const FEWEST = 5;   // positions that a measurement needs
 const REASONS = { lost: 'it may be lost', region: 'its position is uncertain', leap: 'its position leaps' };
 const MAIN = { line: 'v', sine: 'T', damped: 'T', exponential: 'tau', drag: 'v_end' };
 const wordOf = id => byId(id).value.trim(), withError = (value, error) => error ? `${value}+-${error}` : value;
+// The mean interval of the points, and a time to a hundredth of it.
+const interval = () => (measuring.times.at(-1) - measuring.times[0]) / measuring.times.length;
+const secondsOf = time => time.toFixed(Math.max(3, Math.ceil(2 - Math.log10(interval()))));
 function measureOptions() {
-  const options = {}, from1 = place => place.map(v => v + 1).join(','), curve = byId('fit-curve').value, range = [wordOf('fit-from'), wordOf('fit-to')], times = measuring.answer?.times || [];
-  if (scene.ruler && wordOf('length')) options.ruler = `${from1(scene.ruler.flat())}=${withError(wordOf('length'), wordOf('length-error'))}${byId('length-unit').value}`;
+  const options = {}, from1 = place => place.map(v => v + 1).join(','), curve = byId('fit-curve').value, range = [wordOf('fit-from'), wordOf('fit-to')], { times } = measuring;
+  if (rulerLength() && wordOf('length')) options.ruler = `${from1(scene.ruler.flat())}=${withError(wordOf('length'), wordOf('length-error'))}${byId('length-unit').value}`;
   if (scene.origin) options.origin = from1(scene.origin);
   if (+wordOf('angle')) options.angle = wordOf('angle');
   if (wordOf('fps')) options.fps = withError(wordOf('fps'), wordOf('fps-error'));
   // An end that is not given is that of the track.
-  if (range.some(Boolean) && times.length) range.forEach((end, i) => { range[i] = end || String(i ? Math.ceil(1000 * times.at(-1)) / 1000 : 0); });
+  if (range.some(Boolean) && times.length) range.forEach((end, i) => { range[i] = end || (i ? secondsOf(times.at(-1) + interval() / 100) : '0'); });
   if (curve) options.fit = `${curve}:${byId('fit-axis').value}${range.every(Boolean) ? ':' + range.join('-') : ''}`;
   return options;
 }
@@ -19,6 +23,8 @@ const measureMessage = more => ({ op: 'measure', session: page.video.session, ta
 const measureKey = () => page.version + JSON.stringify(measureMessage());
 // Measures again if the track or a setting has changed; while it tracks, for at most a fifth of the time and a second at once.
 async function measureSoon() {
+  // Another target, or one that starts again.
+  if (measuring.answer && page.rows.length < FEWEST) { forgetAnswer(); drawMeasured(); }
   markTime();
   if (measuring.busy) return;
   measuring.busy = true;
@@ -30,7 +36,7 @@ async function measureSoon() {
       const [answer, problem] = await tracker.ask(measureMessage()).then(answer => [answer, ''], error => [null, error.message]);
       measuring.took = performance.now() - began;
       measuring.next = performance.now() + Math.max(400, 4 * measuring.took);
-      if (video === page.video) { Object.assign(measuring, { answer, problem }); drawMeasured(); }
+      if (video === page.video && page.rows.length >= FEWEST) { Object.assign(measuring, { answer, problem, times: answer?.times || measuring.times }); drawMeasured(); }
     }
   } finally { measuring.busy = false; }
 }
@@ -38,9 +44,12 @@ function changed() {
   drawStage();
   if (page.video) doing(measureSoon)();
 }
+function forgetAnswer() {
+  Object.assign(measuring, { answer: null, times: [], problem: '', key: '', took: 0 });
+}
 function forgetScene() {
   Object.assign(scene, { ruler: null, origin: null });
-  Object.assign(measuring, { answer: null, key: '', took: 0 });
+  forgetAnswer();
   for (const id of ['angle', 'fit-from', 'fit-to']) byId(id).value = '';
   if (page.tool) takeTool(null);
 }
@@ -49,8 +58,7 @@ let plots = [];
 function drawMeasured() {
   const { answer, problem } = measuring, { fit, ask = [], notes = [] } = answer || {}, curve = byId('fit-curve').value;
   byId('fps').placeholder = say(page.video.rate, 0);
-  const long = scene.ruler && Math.hypot(scene.ruler[0][0] - scene.ruler[1][0], scene.ruler[0][1] - scene.ruler[1][1]);
-  byId('scale-now').textContent = answer?.unit === 'm' ? `${wordOf('length')} ${byId('length-unit').value} over ${say(long, 1)} px, ± ${say(100 * answer.relative[0])} %` : 'no length yet: everything is in pixels';
+  byId('scale-now').textContent = answer?.unit === 'm' ? `${wordOf('length')} ${byId('length-unit').value} over ${say(rulerLength(), 1)} px, ± ${say(100 * answer.relative[0])} %` : 'no length yet: everything is in pixels';
   byId('axes-now').textContent = `origin: ${scene.origin ? `${scene.origin.map(v => say(v + 1)).join(', ')} px` : 'the first position'}; x points ${+byId('angle').value ? `${byId('angle').value}° upwards` : 'right'}, y ${+byId('angle').value ? '90° further' : 'up'}`;
   byId('measure-state').textContent = [problem, ...notes, answer?.summary].filter(Boolean).join(' ');
   const main = curve === 'parabola' ? (fit?.axis === 1 ? 'g' : 'a') : MAIN[curve], values = fit ? [...fit.values] : [];
@@ -96,7 +104,7 @@ function listen(made) {
     const [start, end] = [from, made.timeAt(event)].sort((a, b) => a - b), { times, frames } = measuring.answer;
     from = null;
     if (far) {
-      [byId('fit-from').value, byId('fit-to').value] = [start.toFixed(3), end.toFixed(3)];
+      [byId('fit-from').value, byId('fit-to').value] = [start, end].map(secondsOf);
       return changed();
     }
     const best = times.reduce((best, t, i) => Math.abs(t - end) < Math.abs(times[best] - end) ? i : best, 0);

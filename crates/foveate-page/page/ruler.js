@@ -5,6 +5,7 @@ const quarter = v => Math.round(4 * v) / 4, zoomOf = () => screen_.clientWidth /
 const isNear = (a, b) => !!a && !!b && Math.hypot(a[0] - b[0], a[1] - b[1]) * zoomOf() < REACH;
 const turned = () => (+byId('angle').value || 0) * Math.PI / 180;
 const originNow = () => scene.origin || measuring.answer?.origin || null;
+const rulerLength = () => scene.ruler && Math.hypot(scene.ruler[0][0] - scene.ruler[1][0], scene.ruler[0][1] - scene.ruler[1][1]);
 // The tip of the x axis, by which it is turned.
 function tipOf(origin, turn = turned()) {
   const long = Math.min(page.video.width, page.video.height) / 4;
@@ -28,7 +29,7 @@ const tools = {
     },
     release() {
       this.held = null;
-      if (scene.ruler && Math.hypot(scene.ruler[0][0] - scene.ruler[1][0], scene.ruler[0][1] - scene.ruler[1][1]) * zoomOf() < 4) scene.ruler = null;
+      if (rulerLength() * zoomOf() < 4) scene.ruler = null;
       else if (!byId('length').value) byId('length').focus({ preventScroll: true });
     },
     nudge(dx, dy) {
