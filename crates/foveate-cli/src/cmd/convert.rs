@@ -297,6 +297,9 @@ pub(crate) fn run(args: Args) -> Result<()> {
             return Err(Error::malformed(&args.input, format!("it has no box of --id {id}")));
         }
     }
+    let all = boxes.tracks.len();
+    boxes.tracks.retain(|b| b.bbox.check().is_ok());
+    boxes.lose(all - boxes.tracks.len(), "boxes without area are left out");
     write(args.to, &mut boxes, &args.output)?;
     let (count, frames) = (boxes.tracks.len(), boxes.frames);
     boxes.lost.iter().for_each(|lost| note!("foveate: {}: {lost}", args.input.display()));

@@ -229,6 +229,12 @@ fn losses_of_a_conversion_are_reported() {
     ] {
         assert!(lost.contains(said), "{said}: {lost}");
     }
+    // Other formats cannot hold it, or could not be read back.
+    place.write("flat.txt", "1,1,1,1,0,5\n2,1,1,1,5,5\n");
+    let lost = place.convert("flat.txt", "mot", "flat.xml", "cvat", &[]);
+    assert!(lost.contains("1 boxes without area are left out"), "{lost}");
+    place.convert("flat.xml", "cvat", "back.txt", "mot", &[]);
+    assert_eq!(place.read("back.txt"), "2,1,1,1,5,5,1,-1,-1,-1\n");
     let nan = "NaN,NaN,NaN,NaN\n";
     assert_eq!(place.read("a.txt"), format!("1,1,10,10\n3,1,10,11\n5,1,10,12\n5,1,10,12\n{nan}{nan}"));
     place.write(
