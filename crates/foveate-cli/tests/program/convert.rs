@@ -244,6 +244,12 @@ fn losses_of_a_conversion_are_reported() {
     let lost = place.convert("coco.json", "coco", "a.txt", "mot", &[]);
     assert!(lost.contains("no track_id") && lost.contains("1 segmentations"), "{lost}");
     assert_eq!(place.read("a.txt"), "2,-1,1,1,2,3,1,-1,-1,-1\n", "images are in the order of their ids");
+    place.write(
+        "coco.json",
+        r#"{"images":[{"id":9,"frame_id":3},{"id":4,"frame_id":9}],"annotations":[{"image_id":4,"bbox":[0,0,2,3]}]}"#,
+    );
+    let lost = place.convert("coco.json", "coco", "a.txt", "mot", &[]);
+    assert!(lost.contains("5 frames between the first and the last have no image"), "{lost}");
 }
 
 #[test]
@@ -270,6 +276,12 @@ fn damage_is_an_error_that_names_the_file() {
             "coco",
             "mot",
             "annotation 1: a box is",
+        ),
+        (
+            r#"{"images":[{"id":1,"frame_id":0},{"id":2,"frame_id":0}],"annotations":[]}"#,
+            "coco",
+            "mot",
+            "two images have the frame_id 0; expected one video",
         ),
         ("<annotations><image/></annotations>", "cvat", "mot", "it is CVAT for images"),
         ("<annotations>", "cvat", "mot", "expected XML of CVAT for video"),

@@ -111,6 +111,10 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     if frames.len() != order.len() {
         return Err(Error::malformed(path, "two images have the same id"));
     }
+    let is_twice = |pair: &[(i64, i64)]| pair[0].0 == pair[1].0;
+    if let Some(pair) = order.windows(2).find(|pair| is_twice(pair)) {
+        return Err(Error::malformed(path, format!("two images have the frame_id {}; expected one video", pair[0].0)));
+    }
     let names: BTreeMap<i64, &str> = file.categories.iter().map(|c| (c.id, c.name.as_str())).collect();
     let (mut boxes, mut unnamed) = (Boxes { frames: frames.len(), ..Boxes::default() }, 0);
     for (i, a) in file.annotations.iter().enumerate() {
@@ -124,6 +128,10 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
             unnamed += usize::from(label.is_none_or(|label| label != name));
         }
         boxes.tracks.push(TrackBox { frame, id: a.track_id.unwrap_or(-1), bbox, confidence: a.score.unwrap_or(1.0) });
+    }
+    if let (true, [first, .., last]) = (ordered, &order[..]) {
+        let absent = usize::try_from(last.0.abs_diff(first.0)).unwrap_or(usize::MAX) - (order.len() - 1);
+        boxes.lose(absent, "frames between the first and the last have no image; they are not counted");
     }
     let count = |such: &dyn Fn(&Annotation) -> bool| file.annotations.iter().filter(|a| such(a)).count();
     boxes.lose(count(&|a| a.track_id.is_none()), "boxes have no track_id: they are detections, of the id -1");
