@@ -303,6 +303,11 @@ fn damage_is_an_error_that_names_the_file() {
         assert!(problem.contains(said), "{said}: {problem}");
     }
     assert!(place.failure("none", "otb", "vot").contains("none: cannot read"));
+    // The labels of other boxes in the folder stay.
+    place.write("boxes.txt", OTB);
+    place.write("absence.label", "0\n");
+    assert!(place.failure("boxes.txt", "otb", "got10k").contains("absence.label: it labels other boxes"));
+    assert_eq!(place.read("absence.label"), "0\n");
     place.write("in", r#"[{"annotations":[{"result":[]},{"result":[]}]}]"#);
     let two = place.run("in", "label-studio", "failed", "mot", &["--size", "64x48"]);
     assert!(String::from_utf8_lossy(&two.stderr).contains("it has 2 annotations; expected one"), "{two:?}");

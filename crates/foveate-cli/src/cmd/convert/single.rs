@@ -71,7 +71,11 @@ pub(super) fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()
         Format::Got10k => {
             // The GOT-10k toolkit reads only numbers; absence.label marks the frames without a target.
             let labels: String = truth.iter().map(|b| if b.is_some() { "0\n" } else { "1\n" }).collect();
-            files::write(path.with_file_name(annotation::ABSENCE), labels.as_bytes())?;
+            let beside = path.with_file_name(annotation::ABSENCE);
+            if beside.exists() && !path.exists() {
+                return Err(Error::malformed(beside, "it labels other boxes in this folder; write to another folder"));
+            }
+            files::write(beside, labels.as_bytes())?;
             let filled: Vec<BBox> =
                 truth.iter().map(|b| b.unwrap_or(BBox::counted_from_1(0.0, 0.0, 0.0, 0.0))).collect();
             annotation::format_boxes(&filled)
