@@ -3,6 +3,7 @@
 use crate::common::{INIT, frame};
 use foveate::config::Config;
 use foveate::control::Status;
+use foveate::files::Folder;
 use foveate::geometry::BBox;
 use foveate::scene::{Detection, Image};
 use foveate::{Seen, Tracker};
@@ -130,7 +131,8 @@ fn the_first_layer_is_trained_and_goes_on_from_what_was_saved() {
 }
 
 /// A square moves by 3 px a frame, and seven frames are dropped. With their times the prediction is at its place, also in a tracker that
-/// was saved between time and picture; without, one frame on.
+/// was saved between time and picture; without, one frame on. Over seeds the prediction deviates by 5 px: the mean of ten leaves the bounds
+/// in one of 10,000 changes of the tracker's random numbers.
 #[test]
 fn a_target_is_expected_at_its_place_after_dropped_frames() {
     let at = |t: usize| BBox::new(10.0 + 3.0 * t as f64, 30.0, 24.0, 24.0);
@@ -145,10 +147,12 @@ fn a_target_is_expected_at_its_place_after_dropped_frames() {
         };
         Image::from_grey8(200, 90, &(0..200 * 90).map(pixel).collect::<Vec<_>>()).expect("200 x 90")
     };
-    let expected = |timed: bool, saved: bool| {
+    let expected = |seed: u64, timed: bool, saved: bool| {
         let config = Config::builtin("natural").expect("it ships").expect("it is right");
         let smooth = config.set("dynamics.damping=1").expect("a setting that is right");
-        let mut tracker = Tracker::new(&smooth).expect("parts that fit");
+        let blueprint = smooth.check(&Folder::here()).expect("it is right");
+        let new = || blueprint.tracker(seed).expect("parts that fit");
+        let mut tracker = new();
         tracker.init(&picture(0), at(0)).expect("a box in the picture");
         let mut mean = 0.0;
         for t in (0..20).chain([28]) {
@@ -157,7 +161,7 @@ fn a_target_is_expected_at_its_place_after_dropped_frames() {
             }
             if saved && t == 28 {
                 let state = tracker.save();
-                tracker = Tracker::new(&smooth).expect("parts that fit");
+                tracker = new();
                 tracker.load(&state).expect("its own settings");
                 tracker.skip(&picture(19)).expect("a picture in memory"); // camera motion compares pictures
             }
@@ -167,7 +171,8 @@ fn a_target_is_expected_at_its_place_after_dropped_frames() {
         }
         mean - at(28).centre().0
     };
-    let (with, without) = (expected(true, false), expected(false, false));
-    assert_eq!(with, expected(true, true), "saved between time and picture");
-    assert!(with.abs() < 4.0 && without < -12.0, "{with} px with times, {without} px without");
+    assert_eq!(expected(1, true, false), expected(1, true, true), "saved between time and picture");
+    let [with, without] =
+        [true, false].map(|timed| (0..10).map(|seed| expected(seed, timed, false)).sum::<f64>() / 10.0);
+    assert!(with.abs() < 6.0 && without < -12.0, "{with} px with times, {without} px without");
 }
