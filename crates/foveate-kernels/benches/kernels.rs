@@ -107,7 +107,7 @@ fn peaks() -> (Option<f64>, Option<f64>) {
         // SAFETY: the processor has the level.
         let f32 = (level >= Level::Avx512).then(|| rate(time(|| unsafe { f32_512() }), 32));
         // SAFETY: the same.
-        let bf16 = (level == Level::Avx512Bf16).then(|| rate(time(|| unsafe { bf16_512() }), 64));
+        let bf16 = (level == Level::Avx512Dots).then(|| rate(time(|| unsafe { bf16_512() }), 64));
         (f32, bf16)
     }
     #[cfg(not(target_arch = "x86_64"))]
@@ -129,12 +129,14 @@ fn main() {
         [(68, 3, 5, 2, 16), (34, 17, 3, 2, 32), (18, 32, 3, 2, 64), (10, 64, 3, 1, 64), (10, 64, 3, 2, 48)]
     {
         let places = (side - size) / stride + 1;
-        let (weights, bias) = (values(size * size * channels * filters, 8), values(filters, 9));
-        let (map, mut out) = (values(side * side * channels, 10), vec![0.0; places * places * filters]);
-        let layer = Layer { side, channels, size, stride, pool: 1, cut: true, weights: &weights, bias: &bias };
+        let weights: Vec<i8> = (0..size * size * channels * filters).map(|i| (i * 53 % 255) as i8).collect();
+        let (paired, bias) = (paired(&weights, size * channels, filters), values(filters, 9));
+        let (mut map, mut out) = (vec![], vec![0.0; places * places * filters]);
+        let step = to_steps(&values(side * side * channels, 10), (side, channels, 0), &mut map);
+        let layer = Layer { side, channels, size, stride, cut: true, weights: &paired, scales: &bias, bias: &bias };
         let what = format!("convolve, {side} x {side} x {channels} by {filters} of {size} x {size}");
         report(&what, (2 * places * places * weights.len()) as f64, "flop", f32_peak, || {
-            convolve(black_box(&layer), &map, &mut out);
+            convolve(black_box(&layer), &map, step, &mut out);
         });
     }
 

@@ -11,8 +11,8 @@ pub enum Level {
     Avx2,
     /// x86-64 with AVX-512 F, BW, CD, DQ and VL.
     Avx512,
-    /// The same with the bf16 dot product.
-    Avx512Bf16,
+    /// The same with the dot products of bf16 and of whole numbers (VNNI).
+    Avx512Dots,
 }
 
 /// The instructions that the compiler may use in a function compiled for a level, as a const parameter `V` of its body: 0 plain
@@ -20,13 +20,15 @@ pub enum Level {
 pub(crate) const FUSED: u8 = 1;
 /// See [`FUSED`].
 pub(crate) const AVX512: u8 = 2;
+/// See [`FUSED`]: and its dot products of whole numbers.
+pub(crate) const VNNI: u8 = 3;
 /// The level without special instructions.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
 
 /// The highest permitted level, if one was set.
 static MOST: OnceLock<Level> = OnceLock::new();
 
-static BEST: LazyLock<Level> = LazyLock::new(|| machine().min(MOST.get().copied().unwrap_or(Level::Avx512Bf16)));
+static BEST: LazyLock<Level> = LazyLock::new(|| machine().min(MOST.get().copied().unwrap_or(Level::Avx512Dots)));
 
 /// The level of this processor.
 fn machine() -> Level {
@@ -35,8 +37,8 @@ fn machine() -> Level {
         use std::is_x86_feature_detected as has;
         let avx2 = has!("avx2") && has!("fma");
         let avx512 = has!("avx512f") && has!("avx512bw") && has!("avx512cd") && has!("avx512dq") && has!("avx512vl");
-        match (avx2, avx512, has!("avx512bf16")) {
-            (true, true, true) => Level::Avx512Bf16,
+        match (avx2, avx512, has!("avx512bf16") && has!("avx512vnni")) {
+            (true, true, true) => Level::Avx512Dots,
             (true, true, false) => Level::Avx512,
             (true, false, _) => Level::Avx2,
             _ => Level::Portable,
@@ -66,7 +68,7 @@ impl Level {
     /// Every level this processor has, for tests.
     #[cfg(test)]
     pub(crate) fn all() -> impl Iterator<Item = Self> {
-        [Self::Portable, Self::Avx2, Self::Avx512, Self::Avx512Bf16].into_iter().filter(|&l| l <= Self::best())
+        [Self::Portable, Self::Avx2, Self::Avx512, Self::Avx512Dots].into_iter().filter(|&l| l <= Self::best())
     }
 }
 
@@ -142,7 +144,7 @@ macro_rules! levels {
                 }
                 assert!(level <= $crate::level::Level::best(), "this processor has no {level:?}");
                 match level {
-                    $crate::level::Level::Avx512 | $crate::level::Level::Avx512Bf16 => {
+                    $crate::level::Level::Avx512 | $crate::level::Level::Avx512Dots => {
                         // SAFETY: the processor has at least `level`, so it has the instructions.
                         return unsafe { avx512($($arg),*) };
                     }

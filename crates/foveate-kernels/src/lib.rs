@@ -43,7 +43,7 @@ pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use classes::{add_to_both, softplus_sum};
 pub use colour::{blue_yellow, luma, red_green, take_apart};
-pub use convolve::{FILTERS, Layer, convolve, correlate};
+pub use convolve::{FILTERS, Layer, convolve, correlate, paired, to_steps};
 pub use covariance::{
     Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,
 };

@@ -99,7 +99,7 @@ impl PackedWeights {
 
     /// Whether a word is a pair of bf16.
     fn pairs(&self) -> bool {
-        self.precision == Precision::Bf16 && self.level == Level::Avx512Bf16
+        self.precision == Precision::Bf16 && self.level == Level::Avx512Dots
     }
 
     /// (n_v, n_h): the values of a glimpse, and of its features.

@@ -55,7 +55,7 @@ fn fixed<const ROWS: usize>(kernel: Kernel, depth: usize, words: &[u32], lines: 
     #[cfg(target_arch = "x86_64")]
     match kernel {
         Kernel::Bf16 => {
-            assert_eq!(Level::best(), Level::Avx512Bf16);
+            assert_eq!(Level::best(), Level::Avx512Dots);
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
             return unsafe { x86::bf16(depth, words, lines, sums) };
         }

@@ -25,8 +25,10 @@ pub(super) struct Shape {
 /// Filters of one layer.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Filters {
-    /// For each row, column and channel of a filter, the weights of all filters.
-    pub weights: Vec<f32>,
+    /// For each row, column and channel of a filter, the weights of all filters, each in the unit of its filter.
+    pub weights: Vec<i8>,
+    /// The unit of each filter.
+    pub scales: Vec<f32>,
     /// Of each place that has its own, those of all filters.
     pub bias: Vec<f32>,
 }
@@ -88,8 +90,7 @@ fn layer(layer: Written, shape: &Shape) -> std::result::Result<Filters, String> 
     if layer.scales.iter().chain(&layer.bias).any(|x| x.abs() > 1e3) {
         return Err(format!("{name} has a scale or a bias beyond 1000"));
     }
-    let weights = layer.weights.iter().zip(layer.scales.iter().cycle()).map(|(b, scale)| f32::from(*b) * scale);
-    Ok(Filters { weights: weights.collect(), bias: layer.bias })
+    Ok(Filters { weights: layer.weights, scales: layer.scales, bias: layer.bias })
 }
 
 #[cfg(test)]

@@ -78,9 +78,19 @@ const COLOURED: usize = 17;
 /// The layers, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
-    layers: Vec<Filters>,
+    layers: Vec<Numbers>,
     /// Those of `joint` that see the target's features, apart.
-    joint_template: Vec<f32>,
+    joint_template: Vec<i16>,
+    /// The weights of the last layer, those of all answers for each value.
+    last: Vec<f32>,
+}
+
+/// The numbers of a layer as [`kernels::convolve`] reads them.
+#[derive(Clone, Debug, PartialEq)]
+struct Numbers {
+    weights: Vec<i16>,
+    scales: Vec<f32>,
+    bias: Vec<f32>,
 }
 
 /// The stored features of the target in frame 1.
@@ -110,7 +120,7 @@ pub struct Answer {
 /// Scratch memory of a look, allocated once.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
-    framed: Vec<f32>,
+    framed: Vec<i16>,
     found: Vec<f32>,
     features: Vec<f32>,
     joined: Vec<f32>,
@@ -132,51 +142,55 @@ impl Network {
         file::read(bytes, path, &LAYERS).map(Self::of)
     }
 
-    fn of(mut layers: Vec<Filters>) -> Self {
+    fn of(layers: Vec<Filters>) -> Self {
         let (channels, own) = (COMPARED + 2 * BESIDE, COMPARED + BESIDE);
         let (mut joint, mut joint_template) = (vec![], vec![]);
         for place in layers[JOINT].weights.chunks_exact(channels * JOINED) {
             joint.extend_from_slice(&place[..own * JOINED]);
             joint_template.extend_from_slice(&place[own * JOINED..]);
         }
-        layers[JOINT].weights = joint;
-        let padded = |values: &[f32]| -> Vec<f32> {
-            values.chunks_exact(CORNERS).flat_map(|v| v.iter().copied().chain([0.0; FILTERS - CORNERS])).collect()
+        let Filters { weights, scales, .. } = &layers[LAST];
+        let last =
+            weights.iter().zip(scales.iter().cycle()).map(|(weight, scale)| f32::from(*weight) * scale).collect();
+        let joint_template = kernels::paired(&joint_template, LAYERS[JOINT].size * BESIDE, JOINED);
+        let layer = |(k, Filters { weights, scales, bias }): (usize, Filters)| {
+            let Shape { size, channels, filters, .. } = LAYERS[k];
+            match k {
+                JOINT => Numbers { weights: kernels::paired(&joint, size * own, filters), scales, bias },
+                CORNER => {
+                    let weights = kernels::paired(&padded(&weights), size * channels, FILTERS);
+                    Numbers { weights, scales: padded(&scales), bias: padded(&bias) }
+                }
+                _ => Numbers { weights: kernels::paired(&weights, size * channels, filters), scales, bias },
+            }
         };
-        let Filters { weights, bias } = &mut layers[CORNER];
-        (*weights, *bias) = (padded(weights), padded(bias));
-        Self { layers, joint_template }
+        Self { layers: layers.into_iter().enumerate().map(layer).collect(), joint_template, last }
     }
 
     /// Features of a glimpse (`SIDE` × `SIDE` × `CHANNELS`) and of the colours of its coarse cells (`COARSE` × `COARSE`), into
     /// `scratch.features`.
     pub(super) fn look(&self, glimpse: &[f32], colours: &[f32], scratch: &mut Scratch) {
         let Scratch { framed, found, features, joined } = scratch;
-        frame(glimpse, (SIDE, CHANNELS, 2), framed);
-        self.layer(FIRST, SIDE + 4, framed, found);
+        self.layer(FIRST, (glimpse, SIDE), framed, found);
         joined.clear();
         for (place, colour) in found.chunks_exact(COLOURED - 1).zip(colours) {
             joined.extend_from_slice(place);
             joined.push(*colour);
         }
-        frame(joined, (COARSE, COLOURED, 1), framed);
-        self.layer(SECOND, COARSE + 2, framed, found);
-        frame(found, (COARSE / 2, LAYERS[SECOND].filters, 1), framed);
-        self.layer(THIRD, COARSE / 2 + 2, framed, found);
-        frame(found, (PLACES, LAYERS[THIRD].filters, 1), framed);
-        self.layer(FOURTH, PLACES + 2, framed, features);
+        self.layer(SECOND, (joined, COARSE), framed, found);
+        self.layer(THIRD, (found, COARSE / 2), framed, joined);
+        self.layer(FOURTH, (joined, PLACES), framed, features);
     }
 
     /// Computes the stored features of the target from those of its picture.
     pub(super) fn template(&self, features: &[f32]) -> Template {
         let (mut beside, mut framed, mut joined, mut even) = (vec![], vec![], vec![], features.to_vec());
-        self.layer(TEMPLATE, PLACES, features, &mut beside);
-        frame(&beside, (PLACES, BESIDE, 1), &mut framed);
-        let (weights, bias) = (&*self.joint_template, &*self.layers[JOINT].bias);
+        self.layer(TEMPLATE, (features, PLACES), &mut framed, &mut beside);
         joined.resize(PLACES * PLACES * JOINED, 0.0);
-        let layer =
-            Layer { side: PLACES + 2, channels: BESIDE, size: 3, stride: 1, pool: 1, cut: false, weights, bias };
-        kernels::convolve(&layer, &framed, &mut joined);
+        let Numbers { scales, bias, .. } = &self.layers[JOINT];
+        let layer = joint(BESIDE, false, &self.joint_template, scales, bias);
+        let step = kernels::to_steps(&beside, (PLACES, BESIDE, 1), &mut framed);
+        kernels::convolve(&layer, &framed, step, &mut joined);
         level(&mut even);
         Template { even, joined }
     }
@@ -186,37 +200,24 @@ impl Network {
         let Scratch { framed, found, features, joined } = scratch;
         let across = COMPARED + BESIDE;
         joined.resize(PLACES * PLACES * across, 0.0);
-        self.layer(SEARCH, PLACES, features, found);
+        self.layer(SEARCH, (features, PLACES), framed, found);
         for (to, beside) in joined.chunks_exact_mut(across).zip(found.chunks_exact(BESIDE)) {
             to[COMPARED..].copy_from_slice(beside);
         }
         level(features);
         kernels::correlate([PLACES, FEATURES, REACH], features, &template.even, joined, across);
-        frame(joined, (PLACES, across, 1), framed);
-        let weights = &*self.layers[JOINT].weights;
-        let layer = Layer {
-            size: 3,
-            stride: 1,
-            pool: 1,
-            cut: true,
-            side: PLACES + 2,
-            channels: across,
-            weights,
-            bias: &template.joined,
-        };
+        let Numbers { weights, scales, .. } = &self.layers[JOINT];
+        let step = kernels::to_steps(joined, (PLACES, across, 1), framed);
         found.resize(PLACES * PLACES * JOINED, 0.0);
-        kernels::convolve(&layer, framed, found);
-        frame(found, (PLACES, JOINED, 1), framed);
-        self.layer(AGAIN, PLACES + 2, framed, found);
-        frame(found, (PLACES, JOINED, 1), framed);
-        self.layer(CORNER, PLACES + 2, framed, joined);
-        let [[left, top], [right, bottom]] = [0, 1].map(|map| mean_place(joined, map));
-        self.layer(NARROW, PLACES + 2, framed, found);
-        self.layer(LAST_BUT_ONE, PLACES / 2, found, framed);
-        let last = &self.layers[LAST];
+        kernels::convolve(&joint(across, true, weights, scales, &template.joined), framed, step, found);
+        self.layer(AGAIN, (found, PLACES), framed, joined);
+        self.layer(CORNER, (joined, PLACES), framed, found);
+        let [[left, top], [right, bottom]] = [0, 1].map(|map| mean_place(found, map));
+        self.layer(NARROW, (joined, PLACES), framed, found);
+        self.layer(LAST_BUT_ONE, (found, PLACES / 2), framed, joined);
         let mut out = [0.0; ANSWERS];
-        out.copy_from_slice(&last.bias);
-        for (value, weights) in framed.iter().zip(last.weights.chunks_exact(ANSWERS)) {
+        out.copy_from_slice(&self.layers[LAST].bias);
+        for (value, weights) in joined.iter().zip(self.last.chunks_exact(ANSWERS)) {
             out.iter_mut().zip(weights).for_each(|(out, weight)| *out += value * weight);
         }
         let [a, b, c, d, lost] = out;
@@ -230,23 +231,27 @@ impl Network {
         }
     }
 
-    /// One layer, of a map that has its frame already.
-    fn layer(&self, k: usize, side: usize, map: &[f32], out: &mut Vec<f32>) {
-        let (Filters { weights, bias }, Shape { size, stride, channels, cut, .. }) = (&self.layers[k], LAYERS[k]);
-        let filters = weights.len() / (size * size * channels);
-        out.resize(((side - size) / stride + 1).pow(2) * filters, 0.0);
-        kernels::convolve(&Layer { side, channels, size, stride, pool: 1, cut, weights, bias }, map, out);
+    /// One layer on a map of `side` × `side` places, with zeros around it where the filters are at its border.
+    fn layer(&self, k: usize, (map, side): (&[f32], usize), framed: &mut Vec<i16>, out: &mut Vec<f32>) {
+        let (Numbers { weights, scales, bias }, Shape { size, stride, channels, cut, .. }) =
+            (&self.layers[k], LAYERS[k]);
+        let margin = if size % 2 == 1 { size / 2 } else { 0 };
+        let step = kernels::to_steps(map, (side, channels, margin), framed);
+        let side = side + 2 * margin;
+        out.resize(((side - size) / stride + 1).pow(2) * scales.len(), 0.0);
+        kernels::convolve(&Layer { side, channels, size, stride, cut, weights, scales, bias }, framed, step, out);
     }
 }
 
-/// `out` ← a map of `side` × `side` × `channels` with so many places of zeros around it.
-fn frame(map: &[f32], (side, channels, margin): (usize, usize, usize), out: &mut Vec<f32>) {
-    let across = (side + 2 * margin) * channels;
-    out.clear();
-    out.resize(across * (side + 2 * margin), 0.0);
-    for (y, row) in map.chunks_exact(side * channels).enumerate() {
-        out[(y + margin) * across + margin * channels..][..row.len()].copy_from_slice(row);
-    }
+/// The layer `joint`, or the group of its channels that see the target's features.
+fn joint<'a>(channels: usize, cut: bool, weights: &'a [i16], scales: &'a [f32], bias: &'a [f32]) -> Layer<'a> {
+    Layer { side: PLACES + 2, channels, size: 3, stride: 1, cut, weights, scales, bias }
+}
+
+/// Numbers of the corners' filters, with zeros for filters that are missing in a whole register.
+fn padded<T: Copy + Default>(values: &[T]) -> Vec<T> {
+    let filters = |values: &[T]| values.iter().copied().chain([T::default(); FILTERS - CORNERS]).collect::<Vec<_>>();
+    values.chunks_exact(CORNERS).flat_map(filters).collect()
 }
 
 /// The mean place under the softmax of a corner's map (the first or second four of `FILTERS` channels: the quarters of each place), in
@@ -286,6 +291,12 @@ mod tests {
         [SIDE * SIDE * CHANNELS, COARSE * COARSE].map(|n| (0..n).map(|_| 2.0 * rng.random::<f32>() - 1.0).collect())
     }
 
+    impl Filters {
+        fn weight(&self, i: usize) -> f64 {
+            f64::from(self.weights[i]) * f64::from(self.scales[i % self.scales.len()])
+        }
+    }
+
     /// A layer by plain loops in f64: zeros around the map.
     fn plain(filters: &Filters, map: &[f64], (side, size, stride, cut): (usize, usize, usize, bool)) -> Vec<f64> {
         let margin = size / 2;
@@ -301,8 +312,8 @@ mod tests {
             {
                 let (row, column) = ((y * stride + i).wrapping_sub(margin), (x * stride + j).wrapping_sub(margin));
                 if row < side && column < side {
-                    let weight = filters.weights[((i * size + j) * channels + c) * n + f];
-                    sum += map[(row * side + column) * channels + c] * f64::from(weight);
+                    let weight = filters.weight(((i * size + j) * channels + c) * n + f);
+                    sum += map[(row * side + column) * channels + c] * weight;
                 }
             }
             out.push(if cut { sum.max(0.0) } else { sum });
@@ -361,8 +372,7 @@ mod tests {
         let map = plain(&layers[NARROW], &map, (8, 3, 2, true));
         let whole = |filters: &Filters, map: &[f64], f: usize| {
             let n = filters.bias.len();
-            f64::from(filters.bias[f])
-                + map.iter().enumerate().map(|(i, x)| x * f64::from(filters.weights[i * n + f])).sum::<f64>()
+            f64::from(filters.bias[f]) + map.iter().enumerate().map(|(i, x)| x * filters.weight(i * n + f)).sum::<f64>()
         };
         let dense: Vec<f64> = (0..DENSE).map(|f| whole(&layers[LAST_BUT_ONE], &map, f).max(0.0)).collect();
         let place = [(left + right) / 2.0, (top + bottom) / 2.0, (wide + high) / 2.0, (wide - high) / 2.0];
