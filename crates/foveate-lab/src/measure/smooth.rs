@@ -146,10 +146,8 @@ impl Data {
     fn new(samples: &[Sample]) -> Result<Self> {
         let known: Vec<(f64, f64)> = samples.iter().filter_map(|sample| sample.measured).collect();
         if known.len() < FEWEST {
-            return Err(Error::Invalid(format!(
-                "the target was found in {}; a measurement needs at least {FEWEST}",
-                counted(known.len(), "frame")
-            )));
+            let found = counted(known.len(), "frame");
+            return Err(Error::Invalid(format!("the target was found in {found}; measuring needs at least {FEWEST}")));
         }
         if let Some((value, variance)) = known.iter().find(|(y, v)| !(y.is_finite() && v.is_finite() && *v > 0.0)) {
             return Err(Error::Invalid(format!(
