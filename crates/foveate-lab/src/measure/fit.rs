@@ -227,6 +227,22 @@ mod tests {
         assert!((fitted.expect("a fit").values[2] + 0.8).abs() < 1e-6);
     }
 
+    /// Of any number of oscillations, down to four points each.
+    #[test]
+    fn periods_of_many_oscillations_are_found() {
+        for cycles in [0.7, 3.3, 12.9, 46.3, 68.7, 149.0] {
+            for (curve, truth) in [
+                (Curve::Sine, vec![0.2, 0.4, 1.0, 20.0 / cycles]),
+                (Curve::Damped, vec![0.2, 0.4, 1.0, 20.0 / cycles, 15.0]),
+            ] {
+                let track: Vec<Point> =
+                    (0..600).map(|k| f64::from(k) / 30.0).map(|t| (t, curve.at(&truth, t), 1e-6)).collect();
+                let period = fit(curve, &track).expect("a fit").values[3];
+                assert!((period / truth[3] - 1.0).abs() < 1e-6, "{} {cycles}: {period} {}", curve.name(), truth[3]);
+            }
+        }
+    }
+
     /// 200 tracks of each curve with independent and with correlated errors, fixed seed. The 95 % intervals of the last parameter hold the
     /// truth in 90 to 99 % of them: with a true share of 0.95 a share outside has a probability of 3e-3.
     #[test]

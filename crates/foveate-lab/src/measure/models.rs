@@ -86,8 +86,13 @@ impl Curve {
         let one = [f64::INFINITY];
         let (periods, constants) = match self {
             Self::Line | Self::Parabola => (one.to_vec(), one.to_vec()),
-            Self::Sine => (grid(3.0 * step, 4.0 * span, 160), one.to_vec()),
-            Self::Damped => (grid(3.0 * step, 2.0 * span, 120), grid(0.3 * span, 30.0 * span, 6)),
+            Self::Sine => {
+                ([grid(3.0 * step, 4.0 * span, 160), vec![main_period(t, y, weights)]].concat(), one.to_vec())
+            }
+            Self::Damped => {
+                let periods = [grid(3.0 * step, 2.0 * span, 120), vec![main_period(t, y, weights)]].concat();
+                (periods, grid(0.3 * span, 30.0 * span, 6))
+            }
             Self::Exponential => {
                 let constants = grid(2.0 * step, 10.0 * span, 40);
                 (one.to_vec(), constants.iter().flat_map(|tau| [*tau, -tau]).collect())
@@ -129,6 +134,28 @@ impl Curve {
             Self::Drag => vec![c[0] + c[2], c[1] - c[2] / tau, c[1], tau],
         }
     }
+}
+
+/// Returns the period at the highest peak of the periodogram: of many oscillations, a period from a coarse grid is not near enough. The
+/// frequencies are half a peak's width apart, up to a period of three points.
+fn main_period(t: &[f64], y: &[f64], weights: &[f64]) -> f64 {
+    let span = t[t.len() - 1];
+    let mean = y.iter().zip(weights).map(|(y, w)| y * w).sum::<f64>() / weights.iter().sum::<f64>();
+    // Each point's phase grows by the same angle from one frequency to the next.
+    let turn = |t: &f64| (std::f64::consts::PI * t / span).sin_cos();
+    let mut points: Vec<_> =
+        t.iter().zip(y).zip(weights).map(|((t, y), w)| (w * (y - mean), turn(t), (0.0, 1.0))).collect();
+    let mut next_power = || {
+        let (mut a, mut b) = (0.0, 0.0);
+        for (y, (sin, cos), phase) in &mut points {
+            *phase = (phase.0 * *cos + phase.1 * *sin, phase.1 * *cos - phase.0 * *sin);
+            (a, b) = (a + *y * phase.0, b + *y * phase.1);
+        }
+        a * a + b * b
+    };
+    let powers = (1..=2 * (t.len() - 1) / 3).map(|k| (k, next_power()));
+    let (k, _) = powers.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((1, 0.0));
+    2.0 * span / k as f64
 }
 
 /// Returns the coefficients of weighted linear least squares and the sum of squared errors.
