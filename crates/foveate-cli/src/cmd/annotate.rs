@@ -253,10 +253,10 @@ fn verdict(spans: &[Span], checks: &[Check]) -> String {
     let weak = ious.iter().filter(|iou| **iou < GOOD[1]).count();
     let after = match needed(spans, checks, GOOD[0], GOOD[1]) {
         Some(0) => "No correction is needed for a mean of 0.8 with no box below 0.5.".into(),
-        Some(n) => format!(
-            "After the first {} of the list a mean of 0.8 is expected, and no box below 0.5.",
-            counted(n, "correction")
-        ),
+        Some(n) => {
+            let first = if n == 1 { "correction".into() } else { counted(n, "correction") };
+            format!("After the first {first} of the list a mean of 0.8 is expected, and no box below 0.5.")
+        }
         None => {
             format!("After the {} of the list a box below 0.5 is still expected.", counted(checks.len(), "correction"))
         }
