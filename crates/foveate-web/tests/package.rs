@@ -20,8 +20,8 @@ use foveate_video::annotation::read_boxes;
 use serde_json::{Value, json};
 
 /// Maximum difference of a box from native portable code, pixels: exponentials and logarithms differ in the last bit, which may change
-/// the rounding of features to f32.
-const PIXELS: f64 = 1e-4;
+/// the rounding of features to f32, and so a value in the box regression by one of its 16,383 steps.
+const PIXELS: f64 = 2e-3;
 
 /// Packs the package, and unpacks it where a program finds it.
 fn install(folder: &Path) -> Result<(), String> {
