@@ -3,7 +3,9 @@
 //! Maps have their channels side by side: value c of place (x, y) is at (y · side + x) · channels + c. A layer reads steps of 15 bits and
 //! weights of 8, so sums are exact: every processor has the same bits.
 
-use crate::level::{AVX512, BASE, FUSED, Level, VNNI, greater, levels, multiply_add};
+use crate::level::{AVX512, Level, greater, levels, multiply_add};
+#[cfg(target_arch = "x86_64")]
+use crate::level::{BASE, FUSED, VNNI};
 
 /// Filters that are summed side by side: a layer has a multiple of them.
 pub const FILTERS: usize = 16;
@@ -251,7 +253,8 @@ fn add_pairs<const V: u8>(sums: &mut [i32; FILTERS], [a, b]: [i16; 2], weights: 
     }
     #[cfg(not(any(target_arch = "x86_64", target_arch = "wasm32")))]
     for (sum, weights) in sums.iter_mut().zip(weights.as_chunks::<2>().0) {
-        *sum += i32::from(a) * i32::from(weights[0]) + i32::from(b) * i32::from(weights[1]);
+        // As the instructions above do if a map has values that are not finite.
+        *sum = sum.wrapping_add(i32::from(a) * i32::from(weights[0]) + i32::from(b) * i32::from(weights[1]));
     }
 }
 

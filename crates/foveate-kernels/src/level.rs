@@ -21,6 +21,7 @@ pub(crate) const FUSED: u8 = 1;
 /// See [`FUSED`].
 pub(crate) const AVX512: u8 = 2;
 /// See [`FUSED`]: and its dot products of whole numbers.
+#[cfg(target_arch = "x86_64")]
 pub(crate) const VNNI: u8 = 3;
 /// The level without special instructions.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
