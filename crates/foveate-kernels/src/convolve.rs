@@ -145,15 +145,15 @@ fn convolve_body<const V: u8>(layer: &Layer<'_>, map: &[i16], step: f32, out: &m
         for first in (0..filters).step_by(FILTERS) {
             let mut left = 0;
             while V >= AVX512 && left + MANY <= places {
-                some::<V, MANY>(layer, map, step, (top, left, first), out);
+                some::<V, MANY>(layer, map, (step, places), (top, left, first), out);
                 left += MANY;
             }
             while left + PLACES <= places {
-                some::<V, PLACES>(layer, map, step, (top, left, first), out);
+                some::<V, PLACES>(layer, map, (step, places), (top, left, first), out);
                 left += PLACES;
             }
             while left < places {
-                some::<V, 1>(layer, map, step, (top, left, first), out);
+                some::<V, 1>(layer, map, (step, places), (top, left, first), out);
                 left += 1;
             }
         }
@@ -165,12 +165,12 @@ fn convolve_body<const V: u8>(layer: &Layer<'_>, map: &[i16], step: f32, out: &m
 fn some<const V: u8, const P: usize>(
     layer: &Layer<'_>,
     map: &[i16],
-    step: f32,
+    (step, places): (f32, usize),
     (top, left, first): (usize, usize, usize),
     out: &mut [f32],
 ) {
     let Layer { side, channels, size, stride, cut, weights, scales, bias } = *layer;
-    let (filters, pairs, places) = (scales.len(), (size * channels).div_ceil(2), (side - size) / stride + 1);
+    let (filters, pairs) = (scales.len(), (size * channels).div_ceil(2));
     let mut sums = [[0i32; FILTERS]; P];
     for row in 0..size {
         let from = ((top * stride + row) * side + left * stride) * channels;

@@ -211,9 +211,10 @@ impl Network {
         found.resize(PLACES * PLACES * JOINED, 0.0);
         kernels::convolve(&joint(across, true, weights, scales, &template.joined), framed, step, found);
         self.layer(AGAIN, (found, PLACES), framed, joined);
-        self.layer(CORNER, (joined, PLACES), framed, found);
+        let step = kernels::to_steps(joined, (PLACES, JOINED, 1), framed);
+        self.framed_layer(CORNER, PLACES + 2, (framed, step), found);
         let [[left, top], [right, bottom]] = [0, 1].map(|map| mean_place(found, map));
-        self.layer(NARROW, (joined, PLACES), framed, found);
+        self.framed_layer(NARROW, PLACES + 2, (framed, step), found);
         self.layer(LAST_BUT_ONE, (found, PLACES / 2), framed, joined);
         let mut out = [0.0; ANSWERS];
         out.copy_from_slice(&self.layers[LAST].bias);
@@ -233,13 +234,18 @@ impl Network {
 
     /// One layer on a map of `side` × `side` places, with zeros around it where the filters are at its border.
     fn layer(&self, k: usize, (map, side): (&[f32], usize), framed: &mut Vec<i16>, out: &mut Vec<f32>) {
-        let (Numbers { weights, scales, bias }, Shape { size, stride, channels, cut, .. }) =
-            (&self.layers[k], LAYERS[k]);
+        let Shape { size, channels, .. } = LAYERS[k];
         let margin = if size % 2 == 1 { size / 2 } else { 0 };
         let step = kernels::to_steps(map, (side, channels, margin), framed);
-        let side = side + 2 * margin;
+        self.framed_layer(k, side + 2 * margin, (framed, step), out);
+    }
+
+    /// One layer on a map of `side` × `side` places in steps of `step`, which has its zeros around it already.
+    fn framed_layer(&self, k: usize, side: usize, (map, step): (&[i16], f32), out: &mut Vec<f32>) {
+        let (Numbers { weights, scales, bias }, Shape { size, stride, channels, cut, .. }) =
+            (&self.layers[k], LAYERS[k]);
         out.resize(((side - size) / stride + 1).pow(2) * scales.len(), 0.0);
-        kernels::convolve(&Layer { side, channels, size, stride, cut, weights, scales, bias }, framed, step, out);
+        kernels::convolve(&Layer { side, channels, size, stride, cut, weights, scales, bias }, map, step, out);
     }
 }
 
