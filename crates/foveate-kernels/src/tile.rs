@@ -1,6 +1,6 @@
 //! One tile of the product: up to 6 glimpses times 64 columns, for each level of the machine.
 //!
-//! `words` holds the glimpses of the block, `depth` words each; `lines` the tile, `depth` × 4 lines.
+//! `words` holds the glimpses of the block, `depth` words each, one every `stride` words; `lines` the tile, `depth` × 4 lines.
 //! Every sum starts at 0 and runs over the words in order.
 
 use crate::level::{BASE, Level, multiply_add};
@@ -28,8 +28,8 @@ pub(crate) enum Kernel {
 
 /// Sums for the `rows` (1 to 6) glimpses in `words`.
 #[inline]
-pub(crate) fn multiply(kernel: Kernel, rows: usize, depth: usize, words: &[u32], lines: &[Line], sums: &mut Sums) {
-    assert!((1..=BLOCK).contains(&rows) && words.len() == rows * depth && lines.len() == 4 * depth);
+pub(crate) fn multiply(kernel: Kernel, rows: usize, stride: usize, words: &[u32], lines: &[Line], sums: &mut Sums) {
+    assert!((1..=BLOCK).contains(&rows));
     // The remainders of a block run as 3, 2 and 1 rows: a row's sums are the same in any of them.
     let mut done = 0;
     while done < rows {
@@ -37,48 +37,49 @@ pub(crate) fn multiply(kernel: Kernel, rows: usize, depth: usize, words: &[u32],
             4 | 5 => 3,
             step => step,
         };
-        let (words, sums) = (&words[done * depth..(done + step) * depth], &mut sums[done..done + step]);
+        let (words, sums) = (&words[done * stride..], &mut sums[done..done + step]);
         match step {
-            6 => fixed::<6>(kernel, depth, words, lines, sums),
-            3 => fixed::<3>(kernel, depth, words, lines, sums),
-            2 => fixed::<2>(kernel, depth, words, lines, sums),
-            _ => fixed::<1>(kernel, depth, words, lines, sums),
+            6 => fixed::<6>(kernel, stride, words, lines, sums),
+            3 => fixed::<3>(kernel, stride, words, lines, sums),
+            2 => fixed::<2>(kernel, stride, words, lines, sums),
+            _ => fixed::<1>(kernel, stride, words, lines, sums),
         }
         done += step;
     }
 }
 
 #[inline]
-fn fixed<const ROWS: usize>(kernel: Kernel, depth: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]]) {
+fn fixed<const ROWS: usize>(kernel: Kernel, stride: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]]) {
+    let depth = lines.len() / 4;
     let sums: &mut [[f32; TILE]; ROWS] = sums.try_into().expect("one row of sums for each row of words");
-    assert!(words.len() == ROWS * depth && lines.len() == 4 * depth);
+    assert!(lines.len() == 4 * depth && words.len() >= (ROWS - 1) * stride + depth);
     #[cfg(target_arch = "x86_64")]
     match kernel {
         Kernel::Bf16 => {
             assert_eq!(Level::best(), Level::Avx512Dots);
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
-            return unsafe { x86::bf16(depth, words, lines, sums) };
+            return unsafe { x86::bf16(stride, words, lines, sums) };
         }
         Kernel::F32(level) if level >= Level::Avx512 && level <= Level::best() => {
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
-            return unsafe { x86::f32_avx512(depth, words, lines, sums) };
+            return unsafe { x86::f32_avx512(stride, words, lines, sums) };
         }
         Kernel::F32(level) if level >= Level::Avx2 && level <= Level::best() => {
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
-            return unsafe { x86::f32_avx2(depth, words, lines, sums) };
+            return unsafe { x86::f32_avx2(stride, words, lines, sums) };
         }
         _ => {}
     }
     assert!(kernel != Kernel::Bf16, "only x86-64 has the bf16 kernel");
-    portable(depth, words, lines, sums);
+    portable(stride, words, lines, sums);
 }
 
 /// The plain twin of the f32 kernels.
-fn portable<const ROWS: usize>(depth: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]; ROWS]) {
+fn portable<const ROWS: usize>(stride: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]; ROWS]) {
     for (r, sums) in sums.iter_mut().enumerate() {
         for (quarter, sums) in sums.as_chunks_mut::<16>().0.iter_mut().enumerate() {
             let mut sum = [0.0; 16];
-            for (&word, lines) in words[r * depth..][..depth].iter().zip(lines.as_chunks::<4>().0) {
+            for (&word, lines) in words[r * stride..].iter().zip(lines.as_chunks::<4>().0) {
                 let value = f32::from_bits(word);
                 for (sum, &w) in sum.iter_mut().zip(&lines[quarter].0) {
                     *sum = multiply_add::<BASE>(value, f32::from_bits(w), *sum);
@@ -99,24 +100,24 @@ mod x86 {
     macro_rules! kernel_512 {
         ($name:ident, $features:literal, |$value:ident, $line:ident, $sum:ident| $step:expr) => {
             /// # Safety
-            /// `words` must hold ROWS × depth words and `lines` 4 × depth lines.
+            /// `lines` must hold 4 × depth lines, and `words` depth words at each of ROWS multiples of `stride`.
             #[target_feature(enable = $features)]
             pub(super) unsafe fn $name<const ROWS: usize>(
-                depth: usize,
+                stride: usize,
                 words: &[u32],
                 lines: &[Line],
                 sums: &mut [[f32; TILE]; ROWS],
             ) {
                 let mut acc = [[_mm512_setzero_ps(); 4]; ROWS];
                 let (mut word, mut line) = (words.as_ptr(), lines.as_ptr());
-                for _ in 0..depth {
-                    // SAFETY: `word` runs over the first row, so `word + r × depth` over row r < ROWS; `line`
+                for _ in 0..lines.len() / 4 {
+                    // SAFETY: `word` runs over the first row, so `word + r × stride` over row r < ROWS; `line`
                     // over the groups of 4 lines. Lines are aligned to 64 bytes.
                     unsafe {
                         let group = line.cast::<__m512>();
                         let group = [*group, *group.add(1), *group.add(2), *group.add(3)];
                         for (r, acc) in acc.iter_mut().enumerate() {
-                            let $value = _mm512_set1_epi32(*word.add(r * depth) as i32);
+                            let $value = _mm512_set1_epi32(*word.add(r * stride) as i32);
                             for (acc, line) in acc.iter_mut().zip(group) {
                                 let ($line, $sum) = (line, *acc);
                                 *acc = $step;
@@ -143,23 +144,23 @@ mod x86 {
     });
 
     /// # Safety
-    /// `words` must hold ROWS × depth words and `lines` 4 × depth lines.
+    /// `lines` must hold 4 × depth lines, and `words` depth words at each of ROWS multiples of `stride`.
     #[target_feature(enable = "avx2,fma")]
     pub(super) unsafe fn f32_avx2<const ROWS: usize>(
-        depth: usize,
+        stride: usize,
         words: &[u32],
         lines: &[Line],
         sums: &mut [[f32; TILE]; ROWS],
     ) {
         for quarter in 0..4 {
             let mut acc = [[_mm256_setzero_ps(); 2]; ROWS];
-            for k in 0..depth {
-                // SAFETY: r × depth + k < ROWS × depth, 4 × k + quarter < 4 × depth; a line is two registers.
+            for k in 0..lines.len() / 4 {
+                // SAFETY: row r < ROWS has a word k < depth at r × stride + k, and 4 × k + quarter < 4 × depth; a line is two registers.
                 unsafe {
                     let line = lines.as_ptr().add(4 * k + quarter).cast::<__m256>();
                     let line = [*line, *line.add(1)];
                     for (r, acc) in acc.iter_mut().enumerate() {
-                        let value = _mm256_set1_ps(f32::from_bits(*words.as_ptr().add(r * depth + k)));
+                        let value = _mm256_set1_ps(f32::from_bits(*words.as_ptr().add(r * stride + k)));
                         for (acc, line) in acc.iter_mut().zip(line) {
                             *acc = _mm256_fmadd_ps(value, line, *acc);
                         }
