@@ -55,7 +55,6 @@ fn counts(blueprint: &Blueprint, frames: &[Frame]) -> Vec<usize> {
 fn alone(work: impl FnOnce() + Send) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     pool.install(|| {
-        foveate::learn::rbm::warm();
         let before = COUNT.get();
         drop(std::hint::black_box(vec![1u8; 100]));
         assert_eq!(COUNT.get(), before + 1, "the allocator counts");

@@ -20,7 +20,6 @@ mod whiten;
 
 pub use self::io::Metadata;
 pub use self::online::OnlineRbm;
-pub use self::product::warm;
 pub use self::rbm::Rbm;
 pub use self::recipe::{Negative, Recipe, Sparsity};
 pub use self::train::Trainer;

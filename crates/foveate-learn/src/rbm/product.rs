@@ -1,26 +1,10 @@
 //! The three matrix products of an RBM, on row-major slices.
 //!
 //! An entry of a product depends on its own row and column alone, to the last bit, however many rows are multiplied
-//! at once: the kernels add along the inner side in one order. A single row would take another path (a dot
-//! product, which adds in lanes), so it is multiplied as two equal rows.
+//! at once: the kernels add along the inner side in one order.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
 use foveate_base::rows::Rows;
-
-/// Weights with at most this many entries are multiplied by plain loops: with two rows faer would use another kernel
-/// below its threshold (16³ multiplications), with other last bits.
-const SMALL: usize = 2048;
-
-/// Most columns that a single row is multiplied by at a time; its scratch on the stack holds twice as many values.
-const LANE: usize = 1024;
-
-/// Lets every thread of the present pool take the scratch that products need (once a thread, address space of twice the
-/// processor's cache), so that no later product allocates.
-pub fn warm() {
-    let ones = [1.0; 64 * 64];
-    rayon::broadcast(|_| rows_times(Rows::new(&ones, 64), &ones, &mut [0.0; 64 * 64]));
-}
+use foveate_kernels::{Matrix, Write, matrix_product};
 
 /// Rows a thread takes at a time: all of them for one thread, so that weights are packed once; any number gives the
 /// same bits.
@@ -30,61 +14,30 @@ pub fn block_of(rows: usize) -> usize {
 
 /// `out` (m × n) = `rows` (m × k) · `weights` (k × n).
 pub fn rows_times(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
-    let k = rows.width();
-    let w = MatRef::from_row_major_slice(weights, k, weights.len() / k);
-    multiply(rows, w, out);
+    let weights = Matrix::new(weights, weights.len() / rows.width());
+    matrix_product(Matrix::new(rows.data(), rows.width()), weights, 1.0, Write::Replace, out);
 }
 
 /// `out` (m × k) = `rows` (m × n) · `weights`ᵀ, with `weights` (k × n).
 pub fn rows_times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
-    let n = rows.width();
-    let w = MatRef::from_row_major_slice(weights, weights.len() / n, n).transpose();
-    multiply(rows, w, out);
+    let weights = Matrix::new(weights, rows.width()).transposed();
+    matrix_product(Matrix::new(rows.data(), rows.width()), weights, 1.0, Write::Replace, out);
 }
 
 /// `weights` (k × n) += `factor` · `left`ᵀ · `right`, with columns `from .. from + k` of `left` (m rows) and `right` (m × n).
 pub fn add_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
-    outer(weights, Accum::Add, factor, left, from, right);
+    outer(weights, Write::Add, factor, left, from, right);
 }
 
 /// The same, with `weights` = in place of +=.
 pub fn set_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
-    outer(weights, Accum::Replace, factor, left, from, right);
+    outer(weights, Write::Replace, factor, left, from, right);
 }
 
-fn outer(weights: &mut [f32], accum: Accum, factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
-    let n = right.width();
-    let k = weights.len() / n;
-    let left = MatRef::from_row_major_slice(left.data(), left.len(), left.width()).subcols(from, k);
-    let right = MatRef::from_row_major_slice(right.data(), right.len(), n);
-    matmul(MatMut::from_row_major_slice_mut(weights, k, n), accum, left.transpose(), right, factor, Par::Seq);
-}
-
-fn multiply(rows: Rows<'_>, w: MatRef<'_, f32>, out: &mut [f32]) {
-    let (m, k, n) = (rows.len(), w.nrows(), w.ncols());
-    assert_eq!(out.len(), m * n, "the product of {m} rows and {k} x {n} weights");
-    if k * n <= SMALL || k < 8 || n == 1 {
-        for (row, out) in rows.iter().zip(out.chunks_exact_mut(n)) {
-            for (j, o) in out.iter_mut().enumerate() {
-                *o = row.iter().enumerate().map(|(i, x)| x * w[(i, j)]).sum();
-            }
-        }
-    } else if m == 1 {
-        let mut scratch = [0.0; 2 * LANE];
-        let row = MatRef::from_row_major_slice_with_stride(rows.data(), 2, k, 0);
-        // Pieces of about one size: none so small that it would take the other kernel.
-        let pieces = n.div_ceil(LANE);
-        for i in 0..pieces {
-            let (from, to) = (i * n / pieces, (i + 1) * n / pieces);
-            let twice = &mut scratch[..2 * (to - from)];
-            let dst = MatMut::from_row_major_slice_mut(&mut *twice, 2, to - from);
-            matmul(dst, Accum::Replace, row, w.subcols(from, to - from), 1.0, Par::Seq);
-            out[from..to].copy_from_slice(&twice[..to - from]);
-        }
-    } else if m > 1 {
-        let rows = MatRef::from_row_major_slice(rows.data(), m, k);
-        matmul(MatMut::from_row_major_slice_mut(out, m, n), Accum::Replace, rows, w, 1.0, Par::Seq);
-    }
+fn outer(weights: &mut [f32], write: Write, factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
+    let k = weights.len() / right.width();
+    let left = Matrix::new(left.data(), left.width()).columns(from, k).transposed();
+    matrix_product(left, Matrix::new(right.data(), right.width()), factor, write, weights);
 }
 
 #[cfg(test)]
@@ -97,7 +50,7 @@ mod tests {
         (0..n).map(|_| rng.random::<f32>() - 0.5).collect()
     }
 
-    /// Shapes on both sides of every threshold, with edges of every kernel; products against f64 loops.
+    /// Shapes with edges of every block; products against f64 loops.
     #[test]
     fn products_are_right_and_a_row_does_not_depend_on_its_neighbours() {
         for (k, n) in [

@@ -65,8 +65,8 @@ impl Rbm {
     pub fn hidden_bias(&self) -> &[f32] {
         &self.hidden_bias
     }
-    /// p(hⱼ = 1 | v) for every row of `v` (m × n_v) into `h` (m × n_h). Allocates nothing, but for a thread's first product
-    /// (see [`warm`](super::warm)); a row's result depends on that row alone, bit for bit.
+    /// p(hⱼ = 1 | v) for every row of `v` (m × n_v) into `h` (m × n_h). Allocates nothing; a row's result depends on that
+    /// row alone, bit for bit.
     pub fn h_from_v(&self, v: Rows<'_>, mut h: RowsMut<'_>) {
         self.check(v.width(), h.width());
         rows_times(v, &self.weights, h.data());

@@ -4,7 +4,6 @@
 //! covariances must not spend its units on those of second order that a linear map can take away.
 
 use super::product::rows_times;
-use faer::{MatRef, Side};
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};
 use rayon::prelude::*;
@@ -59,12 +58,11 @@ impl Whitening {
         }
         let n = rows.width();
         let (mean, covariance) = moments(rows);
-        let eigen = MatRef::from_row_major_slice(&covariance, n, n)
-            .self_adjoint_eigen(Side::Lower)
-            .map_err(|e| Error::Invalid(format!("the covariance of the rows has no eigenvectors ({e:?})")))?;
-        // Ascending order.
-        let values: Vec<f64> = eigen.S().column_vector().iter().copied().collect();
-        let total: f64 = values.iter().map(|l| l.max(0.0)).sum();
+        let eigen = eigenvectors(covariance, n)
+            .ok_or_else(|| Error::Invalid("no eigenvectors of the covariance of the rows were found".into()))?;
+        // λ of each, in ascending order.
+        let values: Vec<f64> = eigen.iter().map(|(value, _)| *value).collect();
+        let total: f64 = values.iter().sum();
         let least = ROUNDING * values.last().copied().unwrap_or(0.0);
         let (mut kept, mut held) = (vec![], 0.0);
         for j in (0..n).rev() {
@@ -79,7 +77,7 @@ impl Whitening {
         }
         let mut matrix = vec![0.0; n * kept.len()];
         for (to, &j) in kept.iter().enumerate() {
-            let column: Vec<f64> = (0..n).map(|i| eigen.U()[(i, j)]).collect();
+            let column = &eigen[j].1;
             // An eigenvector's sign means nothing: its largest entry is made positive.
             let largest = column.iter().copied().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
             let gain = largest.signum() / values[j].sqrt();
@@ -149,12 +147,57 @@ fn moments(rows: Rows<'_>) -> (Vec<f64>, Vec<f64>) {
     let outer = |row: &[f32], sums: &mut [f64]| {
         for (i, sums) in sums.chunks_exact_mut(n).enumerate() {
             let x = f64::from(row[i]) - mean[i];
-            // The lower half, from which the eigenvectors are computed.
             sums[..=i].iter_mut().zip(row).zip(&mean).for_each(|((s, &y), m)| *s += x * (f64::from(y) - m));
         }
     };
-    let covariance = sum(&outer, n * n);
+    let mut covariance = sum(&outer, n * n);
+    for i in 0..n {
+        (0..i).for_each(|j| covariance[j * n + i] = covariance[i * n + j]);
+    }
     (mean, covariance)
+}
+
+/// Eigenvalues, ascending, with eigenvectors of a symmetric matrix (n × n) without negative eigenvalues; none if they are not
+/// found.
+///
+/// The method of Hestenes (1958): rotations of pairs of rows make all rows orthogonal. They are then λ uᵀ, so that a row's length
+/// is its eigenvalue.
+fn eigenvectors(mut matrix: Vec<f64>, n: usize) -> Option<Vec<(f64, Vec<f64>)>> {
+    /// The cosine of two rows that count as orthogonal.
+    const ORTHOGONAL: f64 = 1e-12;
+    const SWEEPS: usize = 60;
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    for _ in 0..SWEEPS {
+        let mut turned = false;
+        for second in 1..n {
+            let (before, row) = matrix.split_at_mut(second * n);
+            let b = &mut row[..n];
+            for a in before.chunks_exact_mut(n) {
+                let (aa, bb, ab) = (dot(a, a), dot(b, b), dot(a, b));
+                if ab.abs() <= ORTHOGONAL * (aa * bb).sqrt() {
+                    continue;
+                }
+                turned = true;
+                let ratio = (bb - aa) / (2.0 * ab);
+                let tangent = ratio.signum() / (ratio.abs() + ratio.hypot(1.0));
+                let cosine = tangent.hypot(1.0).recip();
+                let sine = cosine * tangent;
+                for (a, b) in a.iter_mut().zip(&mut *b) {
+                    (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);
+                }
+            }
+        }
+        if !turned {
+            let unit = |row: &[f64]| {
+                let value = dot(row, row).sqrt();
+                (value, row.iter().map(|x| x / value.max(f64::MIN_POSITIVE)).collect())
+            };
+            let mut eigen: Vec<(f64, Vec<f64>)> = matrix.chunks_exact(n).map(unit).collect();
+            eigen.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+            return Some(eigen);
+        }
+    }
+    None
 }
 
 #[cfg(test)]
@@ -204,6 +247,38 @@ mod tests {
             let (mut c, mut x) = ([0.0; 5], [0.0; 3]);
             whitening.whiten(Rows::new(&v, 5), &mut c, &mut x);
             assert!((0..3).all(|k| (x[k] - f32::from(u8::from(k == j))).abs() < 1e-4), "{x:?}");
+        }
+    }
+
+    /// A u = λ u for the eigenvectors that whitening keeps, of a matrix of known eigenvalues, some of them equal.
+    #[test]
+    fn eigenvectors_are_those_of_the_matrix() {
+        let n = 40;
+        // Orthonormal rows: cosines of the discrete cosine transform.
+        let direction = |l: usize, i: usize| {
+            let angle = std::f64::consts::PI * (i as f64 + 0.5) * l as f64 / n as f64;
+            angle.cos() * (if l == 0 { 1.0 } else { 2.0 } / n as f64).sqrt()
+        };
+        let value = |l: usize| match l {
+            0..4 => 5.0,
+            4..30 => 3.0 / (l * l) as f64,
+            30..36 => 2e-5,
+            _ => 0.0,
+        };
+        let matrix: Vec<f64> =
+            (0..n * n).map(|e| (0..n).map(|l| value(l) * direction(l, e / n) * direction(l, e % n)).sum()).collect();
+        let eigen = eigenvectors(matrix.clone(), n).expect("eigenvectors");
+        let mut expected: Vec<f64> = (0..n).map(value).collect();
+        expected.sort_by(f64::total_cmp);
+        for ((lambda, u), expected) in eigen.iter().zip(expected) {
+            assert!((lambda - expected).abs() < 1e-12, "{lambda}, not {expected}");
+            if expected == 0.0 {
+                continue;
+            }
+            for (i, row) in matrix.chunks_exact(n).enumerate() {
+                let au: f64 = row.iter().zip(u).map(|(a, u)| a * u).sum();
+                assert!((au - lambda * u[i]).abs() < 1e-7 * lambda, "λ = {lambda}");
+            }
         }
     }
 

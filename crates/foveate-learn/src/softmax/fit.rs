@@ -7,9 +7,8 @@
 use super::solver::minimize;
 use super::{MOST, normalize};
 use crate::Stop;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
 use foveate_base::{Error, Result};
+use foveate_kernels::{Matrix, Write, matrix_product_f64};
 use serde::{Deserialize, Serialize};
 
 /// Rows of one product: fixed, so that no sum depends on the number of threads.
@@ -177,10 +176,9 @@ impl<'a, T: Copy + Into<f64>> Problem<'a, T> {
             for (z, x) in scaled.chunks_exact_mut(n_in).zip(values.chunks_exact(n_in)) {
                 z.iter_mut().zip(x).zip(&*columns).for_each(|((z, &x), (mean, gain))| *z = (x.into() - mean) * gain);
             }
-            let z = MatRef::from_row_major_slice(&scaled[..m * n_in], m, n_in);
+            let z = Matrix::new(&scaled[..m * n_in], n_in);
             let scores = &mut scores[..m * n];
-            let product = MatMut::from_row_major_slice_mut(&mut *scores, m, n);
-            matmul(product, Accum::Replace, z, MatRef::from_row_major_slice(v, n_in, n), 1.0, Par::Seq);
+            matrix_product_f64(z, Matrix::new(v, n), Write::Replace, scores);
             for (i, log_p) in scores.chunks_exact_mut(n).enumerate() {
                 let (label, share) = (usize::from(examples.labels[first + i]), examples.weight(first + i) / *total);
                 log_p.iter_mut().zip(a).for_each(|(q, a)| *q += *bias_gain * a);
@@ -191,9 +189,7 @@ impl<'a, T: Copy + Into<f64>> Problem<'a, T> {
                     to_a[l] += *bias_gain * *q;
                 }
             }
-            let slopes = MatRef::from_row_major_slice(&*scores, m, n);
-            let sum = MatMut::from_row_major_slice_mut(&mut *to_v, n_in, n);
-            matmul(sum, Accum::Add, z.transpose(), slopes, 1.0, Par::Seq);
+            matrix_product_f64(z.transposed(), Matrix::new(scores, n), Write::Add, to_v);
             first += m;
         }
         for ((v, to_v), (_, t)) in v.chunks_exact(n).zip(to_v.chunks_exact_mut(n)).zip(&*columns) {
