@@ -17,6 +17,8 @@
 #![forbid(unsafe_code)]
 
 mod annotate;
+#[doc(hidden)]
+pub mod chart;
 pub mod columns;
 mod csv;
 pub mod draw;

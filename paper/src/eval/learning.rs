@@ -3,8 +3,6 @@
 //! The figure shows Hedge's probabilities over nine gazes as bars, at a few frames of one video of an eight. [`PAPER`] has the
 //! probabilities of the centre. A [`Learning`] is the same curve of one tracker on one synthetic video, a [`Curve`] that of many videos.
 
-use kuva::plot::{LinePlot, ScatterPlot};
-use kuva::prelude::{Figure, Layout, LegendPosition, Plot, SvgBackend, TickFormat};
 use serde::{Deserialize, Serialize};
 
 use foveate::Tracker;
@@ -14,6 +12,7 @@ use foveate::lab::eval::experiment::{OFF, Run, quantile};
 use foveate::lab::eval::metrics::{centre_error, mean_sd};
 use foveate::lab::eval::table::aligned;
 use foveate::lab::synthetic::Drawn;
+use foveate::report::chart::{Axis, Chart, Mark, render};
 use foveate::scene::Image;
 use foveate::text::counted;
 use foveate::video::Frame;
@@ -200,42 +199,22 @@ pub(crate) fn text(curves: &[Curve]) -> String {
 
 /// Plots a panel for each curve: median, the band from 10 to 90 %, the paper's points. Returns SVG text.
 pub(crate) fn plot(curves: &[Curve]) -> String {
-    let panel = |curve: &Curve| {
-        let along = |q: usize| curve.points.iter().map(move |p| p.quantiles[q]);
-        let x = || curve.points.iter().map(|p| p.frame as f64);
-        let line = LinePlot::new()
-            .with_data(x().zip(along(2)))
-            .with_color("#0072B2")
-            .with_stroke_width(2.2)
-            .with_band(along(1), along(3))
-            .with_legend("median, 10-90 %");
-        let paper = ScatterPlot::new()
-            .with_data(curve.beside_paper().map(|(p, at)| (at.frame as f64, p)).collect::<Vec<_>>())
-            .with_color("#D55E00")
-            .with_size(5.0)
-            .with_legend("the paper");
-        let plots: Vec<Plot> = vec![line.into(), paper.into()];
-        let layout = Layout::auto_from_plots(&plots)
-            .with_title(format!("{} ({})", curve.name, counted(curve.runs, "run")))
-            .with_x_label("frame")
-            .with_y_label("probability of the centre gaze")
-            .with_x_axis_min(0.0)
-            .with_y_axis_min(0.0)
-            .with_y_axis_max(1.0)
-            .with_y_tick_step(0.2)
-            .with_y_tick_format(TickFormat::Fixed(1))
-            .with_x_tick_format(TickFormat::Integer)
-            .with_legend_position(LegendPosition::InsideBottomRight)
-            .with_legend_box(true);
-        (plots, layout)
+    let chart = |curve: &Curve| {
+        let points = || curve.points.iter().map(|p| (p.frame as f64, p.quantiles));
+        let paper = curve.beside_paper().map(|(p, at)| (at.frame as f64, p));
+        let marks = vec![
+            Mark::band("#0072B2", 0.2, points().map(|(x, q)| (x, q[1], q[3]))),
+            Mark::line("#0072B2", 2.2, points().map(|(x, q)| (x, q[2]))).named("median, 10-90 %"),
+            Mark::dots("#D55E00", 5.0, paper).named("the paper"),
+        ];
+        Chart {
+            title: format!("{} ({})", curve.name, counted(curve.runs, "run")),
+            x: Axis::new("frame").between(0.0, curve.points.last().map_or(1.0, |p| p.frame as f64)),
+            y: Axis::new("probability of the centre gaze").between(0.0, 1.0),
+            marks,
+        }
     };
-    let (plots, layouts): (Vec<_>, Vec<_>) = curves.iter().map(panel).unzip();
-    let columns = curves.len().clamp(1, 2);
-    let figure = Figure::new(curves.len().div_ceil(columns), columns)
-        .with_plots(plots)
-        .with_layouts(layouts)
-        .with_cell_size(520.0, 400.0);
-    SvgBackend::default().render_scene(&figure.render())
+    render(&curves.iter().map(chart).collect::<Vec<_>>(), 2, [520.0, 400.0])
 }
 
 #[cfg(test)]

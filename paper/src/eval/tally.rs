@@ -2,13 +2,12 @@
 //!
 //! The measurement is the mean centre error in pixels, or the percentage of frames recognised.
 
-use kuva::plot::ForestPlot;
-use kuva::prelude::{Layout, Plot, SvgBackend, render_multiple};
 use serde::{Deserialize, Serialize};
 
 use super::recognised::Recognised;
 use foveate::lab::eval::experiment::{Paired, Run, paired, quantile};
 use foveate::lab::eval::metrics::mean_sd;
+use foveate::report::chart::{Axis, Chart, Mark, render};
 use foveate::{Error, Result};
 
 /// The measurement of one video.
@@ -114,14 +113,16 @@ impl Tally {
 }
 
 /// Plots means of lines with their intervals below each other: name, mean, low, high, colour. Returns SVG text.
-pub(crate) fn plot(x_label: &str, rows: &[(String, [f64; 3], &str)]) -> String {
-    let forest = rows.iter().fold(ForestPlot::new(), |plot, (name, [mean, low, high], colour)| {
-        plot.with_colored_row(name.as_str(), *mean, *low, *high, *colour)
-    });
-    let plots: Vec<Plot> = vec![forest.with_show_null_line(false).with_marker_size(6.0).into()];
-    let layout = Layout::auto_from_plots(&plots).with_x_label(x_label).with_width(900.0);
-    let layout = layout.with_height(110.0 + 26.0 * rows.len() as f64);
-    SvgBackend::default().render_scene(&render_multiple(plots, layout))
+pub(crate) fn plot(x_label: &str, rows: &[(String, [f64; 3], &'static str)]) -> String {
+    let (mut marks, mut names) = (vec![], vec![]);
+    for (i, (name, [mean, low, high], colour)) in rows.iter().enumerate() {
+        let y = -(i as f64);
+        names.push((y, name.clone()));
+        marks.extend([Mark::line(colour, 1.5, [(*low, y), (*high, y)]), Mark::dots(colour, 4.0, [(*mean, y)])]);
+    }
+    let y = Axis { names, ..Axis::default() }.between(0.5 - rows.len() as f64, 0.5);
+    let chart = Chart { x: Axis::new(x_label), y, marks, ..Chart::default() };
+    render(&[chart], 1, [900.0, 70.0 + 26.0 * rows.len() as f64])
 }
 
 #[cfg(test)]

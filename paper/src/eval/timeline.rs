@@ -2,13 +2,11 @@
 //!
 //! [`Timeline`] is an observer that keeps a few numbers of each frame; [`Timeline::plot`] draws them as panels below each other.
 
-use kuva::plot::{LinePlot, StackedAreaPlot};
-use kuva::prelude::{Figure, Layout, LegendPosition, Plot, SvgBackend, TickFormat};
-
 use foveate::gaze::PolicySnapshot;
 use foveate::geometry::{BBox, Gaze};
 use foveate::lab::eval::metrics::centre_error;
 use foveate::report::Observer;
+use foveate::report::chart::{Axis, Chart, Mark, render};
 use foveate::video::Frame;
 use foveate::{Result, Seen};
 
@@ -53,58 +51,49 @@ impl Timeline {
 
     /// Plots panels below each other: place, gaze, reward, and class if there is one. Returns SVG text.
     pub(crate) fn plot(&self, title: &str) -> String {
-        let mut panels = vec![self.place(title), self.look()];
-        panels.push(match self.classes.iter().any(|c| !c.is_empty()) {
+        let last = match self.classes.iter().any(|c| !c.is_empty()) {
             true => self.class(),
             false => self.reward(),
-        });
-        let (plots, layouts): (Vec<_>, Vec<_>) = panels.into_iter().unzip();
-        let figure = Figure::new(plots.len(), 1).with_plots(plots).with_layouts(layouts).with_cell_size(900.0, 270.0);
-        SvgBackend::default().render_scene(&figure.render())
+        };
+        render(&[self.place(title), self.look(), last], 1, [900.0, 270.0])
     }
 
-    /// Plots the values of each frame against frames counted from 1.
-    fn line(&self, of: impl Fn(usize) -> f64, colour: &str, name: &str) -> LinePlot {
-        let points: Vec<(f64, f64)> = self.frames.iter().enumerate().map(|(i, &t)| ((t + 1) as f64, of(i))).collect();
-        LinePlot::new().with_data(points).with_color(colour).with_stroke_width(2.0).with_legend(name)
+    /// Returns the frames, counted from 1.
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.frames.iter().map(|t| (t + 1) as f64)
     }
 
-    fn layout(&self, plots: &[Plot], title: &str, y_label: &str) -> Layout {
-        Layout::auto_from_plots(plots)
-            .with_title(title)
-            .with_x_label("frame")
-            .with_y_label(y_label)
-            .with_x_axis_min(0.0)
-            .with_x_axis_max(self.frames.last().map_or(1.0, |t| (t + 1) as f64))
-            .with_x_tick_format(TickFormat::Integer)
-            .with_legend_position(LegendPosition::OutsideRightTop)
+    /// Plots the values of each frame.
+    fn line(&self, of: impl Fn(usize) -> f64, colour: &'static str) -> Mark {
+        Mark::line(colour, 2.0, self.numbers().enumerate().map(|(i, x)| (x, of(i))))
     }
 
-    fn place(&self, title: &str) -> (Vec<Plot>, Layout) {
+    fn chart(&self, title: &str, y: Axis, marks: Vec<Mark>) -> Chart {
+        let x = Axis::new("frame").between(0.0, self.numbers().last().unwrap_or(1.0));
+        Chart { title: title.into(), x, y, marks }
+    }
+
+    fn place(&self, title: &str) -> Chart {
         let estimate = |i: usize| self.boxes[i].centre();
-        let mut plots: Vec<Plot> = vec![
-            self.line(|i| estimate(i).0, COLOURS[4], "x").into(),
-            self.line(|i| estimate(i).1, COLOURS[5], "y").into(),
+        let mut marks = vec![
+            self.line(|i| estimate(i).0, COLOURS[4]).named("x"),
+            self.line(|i| estimate(i).1, COLOURS[5]).named("y"),
         ];
         let truth: Option<Vec<_>> = self.frames.iter().map(|t| Some((*self.truth.get(*t)?)?.centre())).collect();
         if let Some(truth) = truth {
-            plots.push(self.line(|i| truth[i].0, COLOURS[7], "true x, y").with_dashed().into());
-            plots.push(
-                LinePlot { legend_label: None, ..self.line(|i| truth[i].1, COLOURS[7], "") }.with_dashed().into(),
-            );
+            marks.push(self.line(|i| truth[i].0, COLOURS[7]).dashed("8 4").named("true x, y"));
+            marks.push(self.line(|i| truth[i].1, COLOURS[7]).dashed("8 4"));
         }
-        let layout = self.layout(&plots, title, "centre of the target, px");
-        (plots, layout)
+        self.chart(title, Axis::new("centre of the target, px"), marks)
     }
 
-    fn look(&self) -> (Vec<Plot>, Layout) {
+    fn look(&self) -> Chart {
         if self.arms.is_empty() {
-            let plots: Vec<Plot> = vec![
-                self.line(|i| self.gazes[i].u, COLOURS[4], "u, across").into(),
-                self.line(|i| self.gazes[i].v, COLOURS[5], "v, down").into(),
+            let marks = vec![
+                self.line(|i| self.gazes[i].u, COLOURS[4]).named("u, across"),
+                self.line(|i| self.gazes[i].v, COLOURS[5]).named("v, down"),
             ];
-            let layout = self.layout(&plots, "Where it looked, in half boxes from the middle", "gaze");
-            return (plots, layout);
+            return self.chart("Where it looked, in half boxes from the middle", Axis::new("gaze"), marks);
         }
         let names = |k: usize| {
             let Gaze { u, v, .. } = self.arms[k];
@@ -113,44 +102,43 @@ impl Timeline {
         let middle = |k: &usize| (self.arms[*k].u, self.arms[*k].v) != (0.0, 0.0);
         let mut order: Vec<usize> = (0..self.arms.len()).collect();
         order.sort_by_key(middle);
-        let plot = self.stacked(&self.policy, &order, names);
-        let plots: Vec<Plot> = vec![plot.into()];
-        let layout = self.layout(&plots, "The policy: probability of each gaze", "probability");
-        (plots, layout.with_y_axis_min(0.0).with_y_axis_max(1.0))
+        self.stacked("The policy: probability of each gaze", &self.policy, &order, names)
     }
 
-    fn class(&self) -> (Vec<Plot>, Layout) {
+    fn class(&self) -> Chart {
         let n = self.classes.iter().map(Vec::len).max().unwrap_or(0);
         let last = self.classes.last();
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| last.map_or(std::cmp::Ordering::Equal, |p| p[*b].total_cmp(&p[*a])));
-        let plots: Vec<Plot> = vec![self.stacked(&self.classes, &order, |k| k.to_string()).into()];
-        let layout = self.layout(&plots, "What it is: probability of each class over all frames so far", "probability");
-        (plots, layout.with_y_axis_min(0.0).with_y_axis_max(1.0))
+        let title = "What it is: probability of each class over all frames so far";
+        self.stacked(title, &self.classes, &order, |k| k.to_string())
     }
 
-    fn reward(&self) -> (Vec<Plot>, Layout) {
+    fn reward(&self) -> Chart {
         let mean = |i: usize| {
             let from = (i + 1).saturating_sub(WINDOW);
             self.rewards[from..=i].iter().sum::<f64>() / (i + 1 - from) as f64
         };
-        let plots: Vec<Plot> = vec![
-            self.line(|i| self.rewards[i], COLOURS[1], "each frame").with_stroke_width(1.0).into(),
-            self.line(mean, COLOURS[4], "mean of 10").into(),
+        let marks = vec![
+            Mark::line(COLOURS[1], 1.0, self.numbers().zip(self.rewards.iter().copied())).named("each frame"),
+            self.line(mean, COLOURS[4]).named("mean of 10"),
         ];
-        let layout = self.layout(&plots, "What the look was worth", "reward");
-        (plots, layout.with_y_axis_min(0.0))
+        self.chart("What the look was worth", Axis::new("reward").between(0.0, 1.0), marks)
     }
 
-    fn stacked(&self, shares: &[Vec<f64>], order: &[usize], name: impl Fn(usize) -> String) -> StackedAreaPlot {
-        let mut plot = StackedAreaPlot::new().with_x(self.frames.iter().map(|t| (t + 1) as f64));
+    /// Plots probabilities above each other.
+    fn stacked(&self, title: &str, shares: &[Vec<f64>], order: &[usize], name: impl Fn(usize) -> String) -> Chart {
+        let mut below = vec![0.0; shares.len()];
+        let mut marks = vec![];
         for (i, &k) in order.iter().enumerate() {
+            let above: Vec<f64> =
+                shares.iter().zip(&below).map(|(p, low)| low + p.get(k).copied().unwrap_or(0.0)).collect();
+            let edges = self.numbers().zip(&below).zip(&above).map(|((x, low), high)| (x, *low, *high));
             // The first class, which matters most, is blue.
-            let colour = COLOURS[(i + 4) % COLOURS.len()];
-            let series = shares.iter().map(|p| p.get(k).copied().unwrap_or(0.0)).collect::<Vec<f64>>();
-            plot = plot.with_series(series).with_color(colour).with_legend(name(k));
+            marks.push(Mark::band(COLOURS[(i + 4) % COLOURS.len()], 0.85, edges).named(name(k)));
+            below = above;
         }
-        plot.with_fill_opacity(0.85)
+        self.chart(title, Axis::new("probability").between(0.0, 1.0), marks)
     }
 }
 

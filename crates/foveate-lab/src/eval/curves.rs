@@ -4,9 +4,7 @@
 //! pixels (Wu, Lim and Yang 2013).
 
 use foveate_base::text::visible;
-use kuva::plot::legend::{LegendEntry, LegendShape};
-use kuva::plot::{LegendPosition, LinePlot};
-use kuva::prelude::{Figure, Layout, LineStyle, Plot, SvgBackend, TickFormat};
+use foveate_report::chart::{Axis, Chart, Mark, render};
 use serde::Serialize;
 
 /// Number of IoU thresholds: 0, 0.05 ... 1.
@@ -77,7 +75,7 @@ fn iou_threshold(i: usize) -> f64 {
 
 /// Okabe and Ito's colours, which colour-blind people can distinguish; line styles distinguish them in grey.
 const COLOURS: [&str; 7] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"];
-const DASHES: [&str; 4] = ["", "9 4", "2 3", "9 3 2 3"];
+const DASHES: [&str; 4] = ["none", "9 4", "2 3", "9 3 2 3"];
 
 /// A tracker in the plot.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,22 +91,12 @@ pub struct Drawn<'a> {
 /// Draws success and precision plots of trackers side by side, as SVG text. Each legend lists the best first. With several trackers, the
 /// first given is drawn above the others, with a line twice as wide.
 pub fn plot(trackers: &[Drawn<'_>]) -> String {
-    let (plots, layouts) = PANELS.iter().map(|panel| panel.draw(trackers)).unzip();
-    render(Figure::new(1, 2).with_plots(plots).with_layouts(layouts), 560.0, 430.0, trackers.len())
+    render(&PANELS.map(|panel| panel.draw(trackers)), 2, [560.0, 430.0])
 }
 
 /// Draws the two plots separately, each with its description; narrow enough for a phone.
 pub fn panels(trackers: &[Drawn<'_>]) -> [(&'static str, String); 2] {
-    PANELS.map(|panel| {
-        let (lines, layout) = panel.draw(trackers);
-        let figure = Figure::new(1, 1).with_plots(vec![lines]).with_layouts(vec![layout]);
-        (panel.title, render(figure, 420.0, 330.0, trackers.len()))
-    })
-}
-
-/// Renders a figure with cells of this size, and a legend line below it for each tracker.
-fn render(figure: Figure, wide: f64, tall: f64, trackers: usize) -> String {
-    SvgBackend::default().render_scene(&figure.with_cell_size(wide, tall + 22.0 * trackers as f64).render())
+    PANELS.map(|panel| (panel.title, render(&[panel.draw(trackers)], 1, [420.0, 330.0])))
 }
 
 /// Success and precision.
@@ -117,7 +105,7 @@ const PANELS: [Panel; 2] = [
         title: "Success, and its mean (AUC)",
         x_label: "IoU above",
         x: iou_threshold,
-        x_axis: (1.0, 0.2, TickFormat::Fixed(1)),
+        end: 1.0,
         values: |c| &c.success,
         quoted: Curves::auc,
     },
@@ -125,7 +113,7 @@ const PANELS: [Panel; 2] = [
         title: "Precision, and its value at 20 px",
         x_label: "centre error at most, pixels",
         x: |i| i as f64,
-        x_axis: (50.0, 10.0, TickFormat::Integer),
+        end: 50.0,
         values: |c| &c.precision,
         quoted: |c| c.precision[QUOTED],
     },
@@ -136,59 +124,44 @@ struct Panel {
     title: &'static str,
     x_label: &'static str,
     x: fn(usize) -> f64,
-    /// The end of the axis, its step, and the format of its marks.
-    x_axis: (f64, f64, TickFormat),
+    /// The end of the x axis.
+    end: f64,
     values: fn(&Curves) -> &Vec<f64>,
     quoted: fn(&Curves) -> f64,
 }
 
 impl Panel {
-    fn draw(&self, trackers: &[Drawn<'_>]) -> (Vec<Plot>, Layout) {
-        // Later lines cover earlier ones, so the first tracker is drawn last.
-        let lines: Vec<Plot> = (0..trackers.len()).rev().map(|i| self.line(i, &trackers[i]).into()).collect();
+    fn draw(&self, trackers: &[Drawn<'_>]) -> Chart {
         let mut order: Vec<(usize, f64)> = trackers.iter().map(|t| (self.quoted)(&t.mean)).enumerate().collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let entry = |(i, quoted): (usize, f64)| LegendEntry {
-            label: format!("{} {quoted:.3}", visible(trackers[i].name)),
-            color: COLOURS[i % COLOURS.len()].into(),
-            shape: LegendShape::Line,
-            dasharray: Some(DASHES[i % DASHES.len()].to_owned()).filter(|d| !d.is_empty()),
-        };
-        let (end, step, ref format) = self.x_axis;
-        let layout = Layout::auto_from_plots(&lines)
-            .with_legend_position(LegendPosition::OutsideBottomLeft)
-            .with_x_axis_max(end)
-            .with_x_tick_step(step)
-            .with_x_tick_format(format.clone())
-            .with_legend_entries(order.into_iter().map(entry).collect())
-            .with_title(self.title)
-            .with_x_label(self.x_label)
-            .with_y_label("share of frames")
-            .with_x_axis_min(0.0)
-            .with_y_axis_min(0.0)
-            .with_y_axis_max(1.0)
-            .with_y_tick_step(0.2)
-            .with_y_tick_format(TickFormat::Fixed(1))
-            .with_legend_box(false);
-        (lines, layout)
-    }
-
-    fn line(&self, i: usize, tracker: &Drawn<'_>) -> LinePlot {
-        let dash = DASHES[i % DASHES.len()];
-        let style = if dash.is_empty() { LineStyle::Solid } else { LineStyle::Custom(dash.into()) };
-        let values = (self.values)(&tracker.mean).iter().enumerate();
-        let line = LinePlot::new()
-            .with_data(values.map(|(k, y)| ((self.x)(k), *y)).collect::<Vec<_>>())
-            .with_color(COLOURS[i % COLOURS.len()])
-            .with_line_style(style)
-            .with_stroke_width(if i == 0 { 3.6 } else { 1.8 });
-        match &tracker.band {
-            Some([low, high]) => {
-                line.with_band((self.values)(low).iter().copied(), (self.values)(high).iter().copied())
+        let entry =
+            |(i, quoted): (usize, f64)| self.line(i, &[]).named(format!("{} {quoted:.3}", visible(trackers[i].name)));
+        let mut marks: Vec<Mark> = order.into_iter().map(entry).collect();
+        // Later lines cover earlier ones, so the first tracker is drawn last.
+        for (i, tracker) in trackers.iter().enumerate().rev() {
+            if let Some([low, high]) = &tracker.band {
+                let edges = (self.values)(low).iter().zip((self.values)(high)).enumerate();
+                marks.push(Mark::band(colour(i), 0.2, edges.map(|(k, (low, high))| ((self.x)(k), *low, *high))));
             }
-            None => line,
+            marks.push(self.line(i, (self.values)(&tracker.mean)));
+        }
+        Chart {
+            title: self.title.into(),
+            x: Axis::new(self.x_label).between(0.0, self.end),
+            y: Axis::new("share of frames").between(0.0, 1.0),
+            marks,
         }
     }
+
+    fn line(&self, i: usize, values: &[f64]) -> Mark {
+        let points = values.iter().enumerate().map(|(k, y)| ((self.x)(k), *y));
+        Mark::line(colour(i), if i == 0 { 3.6 } else { 1.8 }, points).dashed(DASHES[i % DASHES.len()])
+    }
+}
+
+/// The colour of a tracker.
+fn colour(i: usize) -> &'static str {
+    COLOURS[i % COLOURS.len()]
 }
 
 #[cfg(test)]
@@ -234,7 +207,7 @@ mod tests {
             value.and_then(|value| value.parse().ok()).expect(name)
         };
         for svg in panels(&drawn).map(|(_, svg)| svg).into_iter().chain([plot(&drawn)]) {
-            let axes = svg.split("<clipPath").nth(1).expect("the region of the curves");
+            let axes = svg.split("<rect").nth(2).expect("the region of the curves, after the ground");
             let bottom = number(axes, "y") + number(axes, "height");
             for name in names {
                 let entries: Vec<usize> = svg.match_indices(&format!(">{name} ")).map(|(at, _)| at).collect();

@@ -9,10 +9,9 @@ use foveate_core::config::PolicyConfig;
 use foveate_core::gaze::Grid;
 use foveate_core::geometry::Gaze;
 use foveate_report::Observer;
+use foveate_report::chart::{Axis, Chart, Mark, render};
 use foveate_report::regret::RegretLog;
 use foveate_video::Frame;
-use kuva::plot::LinePlot;
-use kuva::prelude::{Figure, Layout, LegendPosition, LineStyle, Plot, SvgBackend, TickFormat};
 
 /// Number of frames over which plots average rewards.
 const WINDOW: usize = 20;
@@ -85,45 +84,31 @@ pub fn plot(log: &RegretLog) -> String {
     let k = log.gazes().len().max(1) as f64;
     let of = |reward: &dyn Fn(usize) -> f64| smooth(&(0..log.frames()).map(reward).collect::<Vec<_>>());
     let best = log.gazes().get(regret.best).copied().unwrap_or(Gaze::CENTRE);
-    let rewards = [
-        (
-            format!("best fixed, ({:.2}, {:.2})", best.u, best.v),
-            of(&|t| log.offered(t)[regret.best]),
-            LineStyle::Dashed,
-        ),
-        ("the policy".to_owned(), of(&|t| log.earned()[t]), LineStyle::Solid),
-        ("mean of all gazes".to_owned(), of(&|t| log.offered(t).iter().sum::<f64>() / k), LineStyle::Dotted),
-    ];
-    let sums = [
-        ("the policy".to_owned(), regret.cumulative, LineStyle::Solid),
-        ("a gaze at random".to_owned(), regret.at_random, LineStyle::Dotted),
-    ];
-    let colours = ["#D55E00", "#0072B2", "#000000"];
-    let panel = |lines: &[(String, Vec<f64>, LineStyle)], colours: &[&str], title: &str, y_label: &str| {
-        let line = |((name, values, style), colour): (&(String, Vec<f64>, LineStyle), &&str)| -> Plot {
-            let points = log.numbers().iter().zip(values).map(|(t, v)| (*t as f64, *v)).collect::<Vec<_>>();
-            let line = LinePlot::new().with_data(points).with_color(*colour).with_stroke_width(2.0);
-            line.with_line_style(style.clone()).with_legend(name.clone()).into()
-        };
-        let plots: Vec<Plot> = lines.iter().zip(colours).map(line).collect();
-        let layout = Layout::auto_from_plots(&plots)
-            .with_title(title)
-            .with_x_label("frame")
-            .with_y_label(y_label)
-            .with_x_tick_format(TickFormat::Integer)
-            .with_legend_position(LegendPosition::OutsideRightTop)
-            .with_legend_box(true);
-        (plots, layout)
+    let line = |name: &str, values: &[f64], colour, dash| {
+        let points = log.numbers().iter().zip(values).map(|(t, v)| (*t as f64, *v));
+        Mark::line(colour, 2.0, points).dashed(dash).named(name)
     };
-    let title = format!("Reward, mean of the last {WINDOW} frames");
-    let (left, left_layout) = panel(&rewards, &colours, &title, "reward of a look");
-    let (right, right_layout) =
-        panel(&sums, &colours[1..], "Regret against the best fixed gaze in hindsight", "summed regret");
-    let figure = Figure::new(1, 2)
-        .with_plots(vec![left, right])
-        .with_layouts(vec![left_layout, right_layout])
-        .with_cell_size(640.0, 400.0);
-    SvgBackend::default().render_scene(&figure.render())
+    let [fixed, policy, spread] = [("#D55E00", "8 4"), ("#0072B2", "none"), ("#000000", "2 3")];
+    let best_name = format!("best fixed, ({:.2}, {:.2})", best.u, best.v);
+    let mean = |t: usize| log.offered(t).iter().sum::<f64>() / k;
+    let rewards = vec![
+        line(&best_name, &of(&|t| log.offered(t)[regret.best]), fixed.0, fixed.1),
+        line("the policy", &of(&|t| log.earned()[t]), policy.0, policy.1),
+        line("mean of all gazes", &of(&mean), spread.0, spread.1),
+    ];
+    let sums = vec![
+        line("the policy", &regret.cumulative, policy.0, policy.1),
+        line("a gaze at random", &regret.at_random, spread.0, spread.1),
+    ];
+    let chart = |title: String, y_label: &str, marks| {
+        let (x, y) = (Axis::new("frame"), Axis::new(y_label));
+        Chart { title, x, y, marks }
+    };
+    let charts = [
+        chart(format!("Reward, mean of the last {WINDOW} frames"), "reward of a look", rewards),
+        chart("Regret against the best fixed gaze in hindsight".into(), "summed regret", sums),
+    ];
+    render(&charts, 2, [640.0, 400.0])
 }
 
 /// Returns the mean of each value and those before it, at most [`WINDOW`].

@@ -1,18 +1,16 @@
 //! measure.html: results, motion over time, residuals.
 
+use foveate_report::chart::{Axis, Chart, Mark, render};
 use foveate_report::{card, document, drawing, escape};
-use kuva::plot::{LinePlot, ScatterPlot};
-use kuva::prelude::{Layout, Plot, SvgBackend};
-use kuva::render::render::render_multiple;
 
-use super::measurement::{AXES, Fit, Measurement};
+use super::measurement::{AXES, Fit, Measurement, Row};
 use super::units::unit;
 
 /// The colours of x and y, and of curves.
 const INKS: [&str; 2] = ["#0072B2", "#D55E00"];
 const CURVE: &str = "#000000";
 /// The size of a chart.
-const SIZE: (f64, f64) = (640.0, 360.0);
+const SIZE: [f64; 2] = [640.0, 360.0];
 /// Most points of a chart; longer tracks show every n-th frame.
 const MOST: usize = 2000;
 
@@ -85,52 +83,38 @@ fn table(fit: &Fit) -> String {
 fn motion(measured: &Measurement, i: usize, axis: usize, name: &str) -> String {
     let every = measured.rows.len().div_ceil(MOST);
     let rows = || measured.rows.iter().step_by(every);
-    let of = |k: f64| rows().map(move |row| row.smoothed[axis].value[i] + k * 1.96 * row.smoothed[axis].sd[i]);
-    let line = LinePlot::new()
-        .with_data(rows().map(|row| (row.time, row.smoothed[axis].value[i])))
-        .with_color(INKS[axis])
-        .with_stroke_width(1.5)
-        .with_band(of(-1.0).collect::<Vec<_>>(), of(1.0).collect::<Vec<_>>());
-    let mut plots: Vec<Plot> = vec![line.into()];
+    let edges = |row: &Row| {
+        let (value, off) = (row.smoothed[axis].value[i], 1.96 * row.smoothed[axis].sd[i]);
+        (row.time, value - off, value + off)
+    };
+    let line = rows().map(|row| (row.time, row.smoothed[axis].value[i]));
+    let mut marks = vec![Mark::band(INKS[axis], 0.2, rows().map(edges)), Mark::line(INKS[axis], 1.5, line)];
     if i == 0 {
-        let tracked: Vec<_> = rows().filter_map(|row| Some((row.time, row.measured?[axis]))).collect();
-        plots.push(ScatterPlot::new().with_data(tracked).with_color(CURVE).with_size(1.5).into());
+        let tracked = rows().filter_map(|row| Some((row.time, row.measured?[axis])));
+        marks.push(Mark::dots(CURVE, 1.5, tracked));
     }
     let symbol = format!("{}{} ({})", ["", "v", "a"][i], AXES[axis], unit(measured.unit, (1, -(i as i32))));
-    chart(plots, name, &symbol)
+    chart(marks, name, &symbol)
 }
 
 /// Draws a fit over its points, and the residuals.
 fn charts(fit: &Fit) -> String {
     let (axis, every) = (fit.curve.0, fit.data.len().div_ceil(MOST));
     let points = || fit.data.iter().step_by(every);
-    let scatter = |data: Vec<(f64, f64)>| -> Plot {
-        ScatterPlot::new().with_data(data).with_color(INKS[axis]).with_size(2.0).into()
-    };
+    let dots = |of: fn(&(f64, f64, f64)) -> (f64, f64)| Mark::dots(INKS[axis], 2.0, points().map(of));
     let ends = fit.data.first().map_or(0.0, |p| p.0)..fit.data.last().map_or(0.0, |p| p.0);
     let times = (0..=300).map(|k| ends.start + (ends.end - ends.start) * f64::from(k) / 300.0);
-    let curve: Vec<(f64, f64)> = times.map(|t| (t, fit.at(t))).collect();
-    let curve: Plot = LinePlot::new().with_data(curve).with_color(CURVE).with_stroke_width(1.5).into();
-    let zero: Plot = LinePlot::new()
-        .with_data(vec![(ends.start, 0.0), (ends.end, 0.0)])
-        .with_color(CURVE)
-        .with_stroke_width(1.0)
-        .into();
+    let curve = Mark::line(CURVE, 1.5, times.map(|t| (t, fit.at(t))));
+    let zero = Mark::line(CURVE, 1.0, [(ends.start, 0.0), (ends.end, 0.0)]);
     let label = format!("{} ({})", AXES[axis], fit.unit);
-    let data = chart(vec![curve, scatter(points().map(|p| (p.0, p.1)).collect())], &fit.fit, &label);
+    let data = chart(vec![curve, dots(|p| (p.0, p.1))], &fit.fit, &label);
     let rest = format!("residual ({})", fit.unit);
-    let residuals = chart(vec![zero, scatter(points().map(|p| (p.0, p.2)).collect())], "Residuals", &rest);
+    let residuals = chart(vec![zero, dots(|p| (p.0, p.2))], "Residuals", &rest);
     scrolled(&data, "Data and fitted curve") + &scrolled(&residuals, "Residuals: data minus curve")
 }
 
-fn chart(plots: Vec<Plot>, title: &str, y_label: &str) -> String {
-    let layout = Layout::auto_from_plots(&plots)
-        .with_title(title)
-        .with_x_label("t (s)")
-        .with_y_label(y_label)
-        .with_width(SIZE.0)
-        .with_height(SIZE.1);
-    SvgBackend::default().render_scene(&render_multiple(plots, layout))
+fn chart(marks: Vec<Mark>, title: &str, y_label: &str) -> String {
+    render(&[Chart { title: title.into(), x: Axis::new("t (s)"), y: Axis::new(y_label), marks }], 1, SIZE)
 }
 
 #[cfg(test)]
