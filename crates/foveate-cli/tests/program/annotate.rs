@@ -54,7 +54,9 @@ fn key_frames_are_exact_and_the_others_are_tracked() {
     assert!(check.starts_with("rank,frame,id,expected_iou,gain,mean_after,least_after\n1,"), "{check}");
     let page = String::from_utf8(place.read("out/check.html")).expect("text");
     assert!(
-        page.contains("Expected mean IoU") && page.contains("data:image/jpeg;base64,") && page.contains("<polyline")
+        page.contains("Expected mean IoU")
+            && page.contains("data:image/jpeg;base64,")
+            && page.contains("stroke=\"var(--target)\"")
     );
 }
 

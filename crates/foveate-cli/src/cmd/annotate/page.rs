@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use base64::Engine as _;
+use foveate::report::chart::{Axis, Chart, Mark, render};
 use foveate::report::draw::Drawing;
 use foveate::report::{card, document, drawing, escape};
 use foveate::scene::Image;
@@ -11,10 +12,8 @@ use foveate::{BBox, text::counted};
 
 use super::check::{Check, Span};
 
-/// Width and height of a chart, and the space left for its labels, pixels.
-const CHART: [f64; 2] = [640.0, 120.0];
-const LEFT: f64 = 34.0;
-const BELOW: f64 = 18.0;
+/// Width and height of a chart, pixels.
+const CHART: [f64; 2] = [640.0, 150.0];
 /// The part of the picture that is shown: so many times the longer side of the box.
 const AROUND: f64 = 4.0;
 /// Sides of a shown part, pixels.
@@ -96,47 +95,14 @@ pub(super) fn page(
     )
 }
 
-/// A chart of the expected IoU over the frames, with its axes.
+/// A chart of the expected IoU over the frames.
 fn chart(spans: &[&Span], keys: &[usize], end: usize) -> String {
-    let [width, height] = CHART;
-    let x = |frame: usize| LEFT + (width - LEFT - 8.0) * frame as f64 / (end.max(2) - 1) as f64;
-    let y = |iou: f64| 6.0 + (height - BELOW - 6.0) * (1.0 - iou);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" font-size=\"11\" fill=\"black\">"
-    );
-    for iou in [0.0, 0.5, 1.0] {
-        let (at, text) = (y(iou), y(iou) + 4.0);
-        let (right, label) = (width - 8.0, LEFT - 6.0);
-        let _ = write!(
-            svg,
-            "<line x1=\"{LEFT}\" x2=\"{right}\" y1=\"{at:.1}\" y2=\"{at:.1}\" stroke=\"#cccccc\"/><text x=\"{label}\" y=\"{text:.1}\" text-anchor=\"end\" fill=\"black\">{iou}</text>"
-        );
-    }
-    for (frame, anchor) in [(0, "start"), (end - 1, "end")] {
-        let _ = write!(
-            svg,
-            "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"{anchor}\" fill=\"black\">frame {}</text>",
-            x(frame),
-            height - 3.0,
-            frame + 1
-        );
-    }
-    for span in spans {
-        let points: String = span
-            .boxes
-            .iter()
-            .enumerate()
-            .map(|(i, joined)| format!("{:.1},{:.1} ", x(span.from + i), y(joined.iou)))
-            .collect();
-        let _ = write!(
-            svg,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"#0072b2\" stroke-width=\"1.5\"/>",
-            points.trim_end()
-        );
-    }
-    for frame in keys {
-        let (at, foot) = (x(*frame), height - BELOW);
-        let _ = write!(svg, "<circle cx=\"{at:.1}\" cy=\"{foot:.1}\" r=\"3\" fill=\"#e69f00\"/>");
-    }
-    svg + "</svg>"
+    let line = |span: &&Span| {
+        let points = span.boxes.iter().enumerate().map(|(i, joined)| ((span.from + i + 1) as f64, joined.iou));
+        Mark::line("#0072b2", 1.5, points)
+    };
+    let keys = Mark::dots("#e69f00", 3.0, keys.iter().map(|frame| ((frame + 1) as f64, 0.0)));
+    let marks = spans.iter().map(line).chain([keys]).collect();
+    let x = Axis::new("frame").between(1.0, end.max(2) as f64);
+    render(&[Chart { x, y: Axis::default().between(0.0, 1.0), marks, ..Chart::default() }], 1, CHART)
 }
