@@ -70,13 +70,23 @@ pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
 /// The text of a regular file of at most `most` bytes, without the byte order mark that spreadsheets put first.
 ///
 /// # Errors
-/// As [`read`], and [`Error::Malformed`] if it is not UTF-8.
+/// As [`read`] and [`text`].
 pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
-    let (path, mut bytes) = (path.as_ref(), read(path.as_ref(), most)?);
+    text(path.as_ref(), read(path.as_ref(), most)?)
+}
+
+/// The text of these bytes of a file, as [`read_text`] returns it; `path` is for the error.
+///
+/// # Errors
+/// [`Error::Malformed`] with the line if they are not UTF-8.
+pub fn text(path: &Path, mut bytes: Vec<u8>) -> Result<String> {
     if bytes.starts_with("\u{feff}".as_bytes()) {
         bytes.drain(.."\u{feff}".len());
     }
-    String::from_utf8(bytes).map_err(|e| Error::malformed(path, format!("not UTF-8 text: {e}")))
+    String::from_utf8(bytes).map_err(|e| {
+        let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+        Error::malformed(path, format!("line {line}: not UTF-8 text"))
+    })
 }
 
 /// The source of files: a folder, or [`Nowhere`] in a browser, which has no files.
@@ -135,8 +145,8 @@ mod tests {
         std::fs::write(&path, b"12345").expect("a writable folder");
         assert_eq!(read(&path, 5).expect("small enough"), b"12345");
         assert!(read(&path, 4).expect_err("too large").to_string().contains("5 bytes, more than the 4"));
-        std::fs::write(&path, [0xff]).expect("a writable folder");
-        assert!(read_text(&path, 5).expect_err("no text").to_string().contains("not UTF-8"));
+        std::fs::write(&path, b"a\nb\xff").expect("a writable folder");
+        assert!(read_text(&path, 5).expect_err("no text").to_string().contains("line 2: not UTF-8"));
         std::fs::write(&path, "\u{feff}ab").expect("a writable folder");
         assert_eq!(read_text(&path, 5).expect("text"), "ab");
         assert!(read(dir.path(), 5).expect_err("a folder").to_string().contains("not a regular file"));

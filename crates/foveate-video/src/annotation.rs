@@ -17,7 +17,7 @@ pub(super) const LARGEST: f64 = 1e7;
 /// Errors: the file cannot be read, or a line is neither four numbers nor NaN; the error names the line.
 pub fn read_boxes(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
     let path = path.as_ref();
-    parse_boxes(&read_text(path)?, path)
+    parse_boxes(&files::read_text(path, files::TEXT)?, path)
 }
 
 /// The boxes of a target, 0-based: as [`read_boxes`], but a box without area is no box. Fails if no frame has one.
@@ -60,7 +60,7 @@ pub fn read_numbers(path: impl AsRef<Path>) -> Result<Vec<f64>> {
 
 /// Numbers of a file, a line each or with these characters between those of a line.
 fn numbers(path: &Path, between: &[char]) -> Result<Vec<f64>> {
-    let text = read_text(path)?;
+    let text = files::read_text(path, files::TEXT)?;
     let words = lines(&text).flat_map(|(number, line)| line.split(between).map(move |word| (number, word.trim())));
     let parsed = words.filter(|(_, word)| !word.is_empty()).map(|(number, word)| match word.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
@@ -106,8 +106,7 @@ pub fn format_truth(truth: &[Option<BBox>]) -> String {
 
 /// Lines without the blank ones at the end, trimmed, counted from 1.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let text = text.trim_start_matches('\u{feff}').trim_end();
-    text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()))
+    text.trim_end().lines().enumerate().map(|(i, line)| (i + 1, line.trim()))
 }
 
 fn parse_box(line: &str) -> std::result::Result<Option<BBox>, String> {
@@ -143,14 +142,6 @@ pub(super) fn at_line(path: &Path, number: usize, problem: &str) -> Error {
     Error::malformed(path, format!("line {number}: {problem}"))
 }
 
-pub(super) fn read_text(path: &Path) -> Result<String> {
-    let bytes = files::read(path, files::TEXT)?;
-    String::from_utf8(bytes).map_err(|e| {
-        let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
-        at_line(path, line, "not text; expected numbers")
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -169,7 +160,7 @@ mod tests {
         for text in [
             "1,2,3,4.5\nNaN,NaN,NaN,NaN\n-5,10,1,0\n",
             "1\t2\t3\t4.5\r\nnan\r\n-5\t10\t1\t0",
-            "\u{feff}1 2  3 4.5 \n\n -5, 10, 1, 0\n\n \n",
+            "1 2  3 4.5 \n\n -5, 10, 1, 0\n\n \n",
             "1;2;3;4.5\n1,nan,3,4\n-5.0,1e1,1,0",
         ] {
             assert_eq!(parse(text).expect(text), wanted, "{text:?}");
@@ -194,7 +185,7 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let path = dir.path().join("groundtruth_rect.txt");
         for (bytes, said) in
-            [(&b"NaN\n0,0,0,0\n"[..], "no frame has a box"), (b"1,2,3,4\n\xff\xfe\n", "line 2: not text")]
+            [(&b"NaN\n0,0,0,0\n"[..], "no frame has a box"), (b"1,2,3,4\n\xff\xfe\n", "line 2: not UTF-8 text")]
         {
             std::fs::write(&path, bytes).expect("written");
             let problem = read_truth(&path).expect_err(said).to_string();

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use crate::annotation::{LARGEST, at_line, lines, read_text, shortened};
+use crate::annotation::{LARGEST, at_line, lines, shortened};
 use foveate_base::{Error, Result, files};
 use foveate_core::geometry::BBox;
 
@@ -40,7 +40,7 @@ impl Tracks {
     /// The file cannot be read, or a line does not have this format; the error names the line.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        Self::parse(&read_text(path)?, path)
+        Self::parse(&files::read_text(path, files::TEXT)?, path)
     }
 
     /// The tracks of a text; `path` is for the errors, which are those of [`Tracks::read`]. Blank lines do not count.
@@ -85,7 +85,7 @@ pub fn sequence_length(folder: &Path) -> Result<Option<usize>> {
     if !path.is_file() {
         return Ok(None);
     }
-    let text = read_text(&path)?;
+    let text = files::read_text(&path, files::TEXT)?;
     let value = |line: &str| {
         let (key, value) = line.split_once('=')?;
         key.trim().eq_ignore_ascii_case("seqLength").then(|| value.trim().to_string())
@@ -148,7 +148,7 @@ mod tests {
         let wanted = vec![s(1, 7, 0.0, 1.0), s(0, -1, -4.0, 0.25)];
         for text in [
             "2,7,1,10.5,3,0\n1,-1,-3,10.5,3,0,0.25\n",
-            "\u{feff}2 7 1 10.5 3 0 1 -1 -1 -1 \r\n\r\n1\t-1\t-3\t10.5\t3\t0\t.25",
+            "2 7 1 10.5 3 0 1 -1 -1 -1 \r\n\r\n1\t-1\t-3\t10.5\t3\t0\t.25",
             "2.0,7e0, 1, 10.5, 3, 0, 1, pedestrian, 0.5\n1;-1;-3;10.5;3;0;0.25;9\n\n",
         ] {
             assert_eq!(parse(text).expect(text).sightings, wanted, "{text:?}");

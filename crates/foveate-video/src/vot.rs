@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::annotation::{LARGEST, lines, parse_lines, read_text, shortened};
-use foveate_base::{Error, Result};
+use crate::annotation::{LARGEST, lines, parse_lines, shortened};
+use foveate_base::{Error, Result, files};
 use foveate_core::geometry::BBox;
 
 /// Width and height of a mask may be this at most, in pixels.
@@ -97,7 +97,7 @@ fn mask(text: &str) -> std::result::Result<Option<BBox>, String> {
 /// The file cannot be read, a line is no region (the error names it), or no frame has a box.
 pub fn read_truth(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
     let path = path.as_ref();
-    let boxes = parse_truth(&read_text(path)?, path)?;
+    let boxes = parse_truth(&files::read_text(path, files::TEXT)?, path)?;
     if boxes.iter().all(Option::is_none) {
         return Err(Error::malformed(path, "no frame has a box; expected a rectangle or polygon a line"));
     }
@@ -124,7 +124,7 @@ pub fn format_truth(truth: &[Option<BBox>]) -> String {
 /// regions of other than four numbers.
 pub fn is_sequence(folder: &Path) -> bool {
     let regions = || {
-        let text = read_text(&folder.join("groundtruth.txt")).unwrap_or_default();
+        let text = files::read_text(folder.join("groundtruth.txt"), files::TEXT).unwrap_or_default();
         let mut filled = lines(&text).map(|(_, line)| line).filter(|line| !line.is_empty());
         filled.next().is_some_and(|line| line.starts_with('m') || line.split(',').count() > 4)
     };

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use foveate_base::files::{Nowhere, TEXT};
+use foveate_base::files::{self, Nowhere, TEXT};
 use foveate_base::{Error, Result};
 use foveate_core::config::Config;
 use foveate_core::geometry::{BBox, Size};
@@ -184,6 +184,7 @@ impl App {
                 read => at += read,
             }
         }
-        parse_boxes(&String::from_utf8_lossy(&bytes[..at]), path)
+        bytes.truncate(at);
+        parse_boxes(&files::text(path, bytes)?, path)
     }
 }
