@@ -124,21 +124,20 @@ pub fn unit(length: &str, exponents: (i32, i32)) -> String {
 
 /// Formats a value with its standard error: two digits of the error.
 pub fn with_error(value: f64, error: f64) -> String {
-    if !(error > 0.0 && error.is_finite()) {
-        return with_digits(value, error);
-    }
-    format!("{} ± {}", with_digits(value, error), with_digits(error, error))
+    let after = digits(error).map_or(String::new(), |digits| format!(" ± {error:.digits$}"));
+    with_digits(value, error) + &after
 }
 
 /// Formats a number to the second digit of a standard error, or whole if there is none.
 pub(super) fn with_digits(number: f64, error: f64) -> String {
     // Not -0.
     let number = number + 0.0;
-    if !(error > 0.0 && error.is_finite()) {
-        return format!("{number}");
-    }
-    let digits = (1 - error.log10().floor() as i32).max(0) as usize;
-    format!("{number:.digits$}")
+    digits(error).map_or(format!("{number}"), |digits| format!("{number:.digits$}"))
+}
+
+/// Returns the decimals up to the second digit of a standard error; `None` if there is no error.
+fn digits(error: f64) -> Option<usize> {
+    (error > 0.0 && error.is_finite()).then(|| (1 - error.log10().floor() as i32).max(0) as usize)
 }
 
 #[cfg(test)]
