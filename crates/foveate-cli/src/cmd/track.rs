@@ -68,7 +68,8 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
         observers.insert(0, Box::new(if job.outputs.many { stream.of_many() } else { stream }));
     }
     if let Some(measured) = measured {
-        observers = measured.observers(observers, (results.folder(), job.source), &failed)?;
+        let scale = args.input.selection().scale;
+        observers = measured.observers(observers, (results.folder(), job.source, scale), &failed)?;
     }
     let bar = terminal::progress(job.frames.total(&job.about), "tracking");
     let mut next_frame = job.frames.from;

@@ -61,7 +61,7 @@ impl Follower {
 /// Measures the targets of a run, and writes the files at its end.
 #[derive(Debug)]
 pub struct MeasureFiles {
-    source: String,
+    source: (String, f64),
     settings: Settings,
     points: Vec<Track>,
     reference: Option<(Follower, Vec<Position>)>,
@@ -71,11 +71,18 @@ pub struct MeasureFiles {
 }
 
 impl MeasureFiles {
-    /// Starts the files in a folder. `source` is the video; `names` are those of the targets, in their order.
+    /// Starts the files in a folder. `source` is the video, and the scale of its pictures; `names` are those of the targets, in their
+    /// order.
     ///
     /// # Errors
     /// The folder cannot be written.
-    pub fn create(folder: &Path, source: String, names: Vec<String>, settings: Settings, lines: Lines) -> Result<Self> {
+    pub fn create(
+        folder: &Path,
+        source: (String, f64),
+        names: Vec<String>,
+        settings: Settings,
+        lines: Lines,
+    ) -> Result<Self> {
         let sinks = FILES.into_iter().map(|name| Sink::create(folder.join(name))).collect::<Result<_>>()?;
         let points = names.into_iter().map(|name| Track { name, positions: vec![] }).collect();
         Ok(Self { source, settings, points, reference: None, sinks, lines, finished: false })
@@ -103,7 +110,7 @@ impl Observer for MeasureFiles {
         if !std::mem::replace(&mut self.finished, true) {
             let reference = self.reference.as_ref().map(|(_, track)| &track[..]);
             let measured = measure(&self.points, reference, &self.settings)?;
-            for (sink, text) in self.sinks.iter_mut().zip(texts(&self.source, true, &measured)) {
+            for (sink, text) in self.sinks.iter_mut().zip(texts(&self.source.0, Some(self.source.1), &measured)) {
                 sink.write(text.as_bytes())?;
             }
             self.lines.0.lock().unwrap_or_else(PoisonError::into_inner).extend(text(&measured));
@@ -117,12 +124,12 @@ impl Observer for MeasureFiles {
 /// # Errors
 /// A file cannot be written.
 pub fn write(folder: &Path, source: &str, points: &[Measurement]) -> Result<()> {
-    let mut files = FILES.into_iter().zip(texts(source, false, points));
+    let mut files = FILES.into_iter().zip(texts(source, None, points));
     files.try_for_each(|(name, text)| files::write(folder.join(name), text.as_bytes()))
 }
 
-fn texts(source: &str, is_video: bool, points: &[Measurement]) -> [String; 5] {
-    let [csv, fits, ask, trk] = tables(is_video.then(|| Path::new(source)), points).map(|(_, text)| text);
+fn texts(source: &str, scale: Option<f64>, points: &[Measurement]) -> [String; 5] {
+    let [csv, fits, ask, trk] = tables(scale.map(|scale| (Path::new(source), scale)), points).map(|(_, text)| text);
     [csv, fits, ask, trk, page(source, points)]
 }
 
@@ -141,7 +148,8 @@ mod tests {
         let tracker = || Tracker::new(Profile::Fast).expect("a tracker");
         let lines = Lines::default();
         let names = vec!["1".into()];
-        let files = MeasureFiles::create(dir.path(), "pan".into(), names, settings, lines.clone()).expect("writable");
+        let files =
+            MeasureFiles::create(dir.path(), ("pan".into(), 1.0), names, settings, lines.clone()).expect("writable");
         let reference = Follower::new(tracker(), BBox::new(20.0, 10.0, 24.0, 24.0));
         let (mut files, mut target) = (files.relative_to(reference), tracker());
         for t in 0..16 {

@@ -16,8 +16,9 @@ const CORNER: f64 = 0.5;
 /// Red, green and blue of the points, in turn.
 const COLOURS: [[u8; 3]; 4] = [[213, 94, 0], [0, 114, 178], [0, 158, 115], [204, 121, 167]];
 
-/// Returns measure.trk. Tracker opens the video if it is a file.
-pub(super) fn trk(video: Option<&Path>, points: &[Measurement]) -> String {
+/// Returns measure.trk, in pixels of the video: `scale` is that of the tracked pictures. Tracker opens the video if it is a file.
+pub(super) fn trk(video: Option<(&Path, f64)>, points: &[Measurement]) -> String {
+    let scale = video.map_or(1.0, |(_, scale)| scale);
     let rows = || points.iter().flat_map(|point| &point.rows);
     let first = rows().map(|row| row.frame).min().unwrap_or(1);
     let frames = rows().map(|row| row.frame).max().unwrap_or(1);
@@ -33,7 +34,7 @@ pub(super) fn trk(video: Option<&Path>, points: &[Measurement]) -> String {
     xml.object("", "org.opensourcephysics.cabrillo.tracker.TrackerPanel", |xml| {
         xml.value("description", "string", about(points));
         xml.object("videoclip", "org.opensourcephysics.media.core.VideoClip", |xml| {
-            if let Some(video) = video.filter(|video| video.is_file()) {
+            if let Some((video, _)) = video.filter(|(video, _)| video.is_file()) {
                 // Tracker chooses the class by the file.
                 xml.object("video", "org.opensourcephysics.media.xuggle.XuggleVideo", |xml| {
                     let path = std::path::absolute(video).unwrap_or_else(|_| video.to_path_buf());
@@ -51,13 +52,15 @@ pub(super) fn trk(video: Option<&Path>, points: &[Measurement]) -> String {
             xml.value("delta_t", "double", step);
             xml.value("frame", "int", first - 1);
         });
-        coords(xml, &points[0]);
+        coords(xml, &points[0], scale);
         if points[0].unit == "m" {
             xml.value("length_unit", "string", "m");
         }
         xml.array("tracks", "collection", "java.util.ArrayList", |xml| {
             for (point, colour) in points.iter().zip(COLOURS.iter().cycle()) {
-                xml.object("item", "org.opensourcephysics.cabrillo.tracker.PointMass", |xml| mass(xml, point, *colour));
+                xml.object("item", "org.opensourcephysics.cabrillo.tracker.PointMass", |xml| {
+                    mass(xml, point, *colour, scale);
+                });
             }
         });
     });
@@ -75,11 +78,11 @@ fn about(points: &[Measurement]) -> String {
 }
 
 /// Writes origin, angle and scale: those of all frames, or those of each if the origin follows a reference.
-fn coords(xml: &mut Xml, point: &Measurement) {
+fn coords(xml: &mut Xml, point: &Measurement, scale: f64) {
     let [.., origin] = point.rows[0].pixels;
     let fixed = point.rows.iter().all(|row| row.pixels[1] == origin);
-    // Pixels per unit.
-    let scale = point.axes.ruler.as_ref().and_then(|ruler| ruler.scale()).map_or(1.0, |scale| 1.0 / scale.metres);
+    let metres = point.axes.ruler.as_ref().and_then(|ruler| ruler.scale()).map_or(1.0, |ruler| ruler.metres);
+    let pixels_per_unit = 1.0 / metres / scale;
     xml.object("coords", "org.opensourcephysics.media.core.ImageCoordSystem", |xml| {
         xml.value("fixedorigin", "boolean", fixed);
         xml.value("fixedangle", "boolean", true);
@@ -88,11 +91,11 @@ fn coords(xml: &mut Xml, point: &Measurement) {
         xml.array("framedata", "array", &format!("[L{class};"), |xml| {
             let mut frame = |index: usize, (x, y): (f64, f64)| {
                 xml.object(&format!("[{index}]"), class, |xml| {
-                    xml.value("xorigin", "double", x + CORNER);
-                    xml.value("yorigin", "double", y + CORNER);
+                    xml.value("xorigin", "double", (x + CORNER) / scale);
+                    xml.value("yorigin", "double", (y + CORNER) / scale);
                     xml.value("angle", "double", point.axes.angle);
-                    xml.value("xscale", "double", scale);
-                    xml.value("yscale", "double", scale);
+                    xml.value("xscale", "double", pixels_per_unit);
+                    xml.value("yscale", "double", pixels_per_unit);
                 });
             };
             // Frames without a row have the origin of the one before.
@@ -109,7 +112,7 @@ fn coords(xml: &mut Xml, point: &Measurement) {
 }
 
 /// Writes the tracked positions of a point; frames in which it was lost have none.
-fn mass(xml: &mut Xml, point: &Measurement, colour: [u8; 3]) {
+fn mass(xml: &mut Xml, point: &Measurement, colour: [u8; 3], scale: f64) {
     xml.value("mass", "double", 1.0);
     xml.value("name", "string", &point.point);
     xml.object("color", "java.awt.Color", |xml| {
@@ -126,8 +129,8 @@ fn mass(xml: &mut Xml, point: &Measurement, colour: [u8; 3]) {
         for row in point.rows.iter().filter(|row| row.measured.is_some()) {
             let [(x, y), _] = row.pixels;
             xml.object(&format!("[{}]", row.frame - 1), class, |xml| {
-                xml.value("x", "double", x + CORNER);
-                xml.value("y", "double", y + CORNER);
+                xml.value("x", "double", (x + CORNER) / scale);
+                xml.value("y", "double", (y + CORNER) / scale);
             });
         }
     });
@@ -191,10 +194,27 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let path = dir.path().join("a & b.mp4");
         std::fs::write(&path, "").expect("written");
-        let text = trk(Some(&path), &falls(None));
+        let text = trk(Some((&path, 1.0)), &falls(None));
         assert!(text.contains("/a &amp; b.mp4</property>") && text.contains(">a&lt;b<"), "{text}");
         assert!(text.contains("name=\"[11]\"") && !text.contains("name=\"[12]\""), "frames 13 and 14 are lost");
         assert!(!trk(None, &falls(None)).contains("\"video\""));
+    }
+
+    /// Pictures of half the size show the corner (8, 6) of the video at (4, 3), and half as many pixels per metre.
+    #[test]
+    fn marks_and_axes_are_in_pixels_of_the_video() {
+        let [whole, half] = [1.0, 0.5].map(|scale| trk(Some((Path::new("none"), scale)), &falls(None)));
+        let mut compared = 0;
+        for (whole, half) in whole.lines().zip(half.lines()) {
+            let number = |line: &str| line.split(['>', '<']).nth(2).and_then(|text| text.parse::<f64>().ok());
+            let is_place = ["x", "y", "xorigin", "yorigin", "xscale", "yscale"]
+                .into_iter()
+                .any(|name| whole.contains(&format!("name=\"{name}\"")));
+            let wanted = number(whole).map(|value| if is_place { 2.0 * value } else { value });
+            assert_eq!(number(half), wanted, "{whole} {half}");
+            compared += usize::from(is_place);
+        }
+        assert_eq!(compared, 2 * 28 + 4, "28 points, origin and scale");
     }
 
     /// The origin of a moving camera is at a fixed distance from the reference.

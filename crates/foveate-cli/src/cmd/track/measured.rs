@@ -121,13 +121,13 @@ impl Measured {
     pub(super) fn observers(
         self,
         mut observers: Vec<Box<dyn Observer>>,
-        (folder, source): (&Path, &Path),
+        (folder, source, scale): (&Path, &Path, f64),
         failed: &FailedOutputs,
     ) -> Result<Vec<Box<dyn Observer>>> {
         const NAMES: &[&str] = &FILES;
         let source = without_password(&source.display().to_string()).into_owned();
         let Measure { names, settings, .. } = self.measure;
-        let mut files = MeasureFiles::create(folder, source, names, settings, self.lines)?;
+        let mut files = MeasureFiles::create(folder, (source, scale), names, settings, self.lines)?;
         if let Some(reference) = self.reference {
             files = files.relative_to(reference);
         }
