@@ -100,8 +100,8 @@ pub(crate) fn charts(measured: &Measurement) -> Json {
         let [from, to] = ask.stretch;
         json!({ "frame": ask.frame, "from": from, "to": to, "reason": ask.reason })
     });
-    // The notes on failed fits; the others are for the program.
-    let failed = measured.notes.iter().filter(|note| note.starts_with("No fit"));
+    // The notes on fits; the others are for the program.
+    let failed = measured.notes.iter().filter(|note| note.starts_with("No "));
     let tracked = [0, 1].map(|axis| rows().map(|row| row.measured.map(|at| at[axis])).collect::<Vec<_>>());
     json!({
         "unit": measured.unit, "summary": measured.text()[0], "origin": measured.axes.origin, "relative": measured.relative,
@@ -133,7 +133,7 @@ mod tests {
         serde_json::from_value(json).expect("options")
     }
 
-    /// A fall at 100 px/m and 50 frames/s; `usable` says which frames count.
+    /// A fall at 100 px/m and 50 frames/s; `usable` selects the frames that count.
     fn track(frames: usize, usable: impl Fn(usize) -> bool) -> String {
         let line = |k: usize| {
             let y = 40.0 + 490.5 * (k as f64 / 50.0).powi(2);

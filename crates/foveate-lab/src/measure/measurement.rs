@@ -7,7 +7,7 @@ use foveate_base::{Error, Result};
 use serde::Serialize;
 
 use super::ask::{Ask, ask};
-use super::fit::{Fitted, Point, fit, student};
+use super::fit::{CHANCE, Fitted, Point, fit, student};
 use super::lens::Lens;
 use super::models::Curve;
 use super::smooth::{Sample, Smoothed, Smoothing, median, smooth};
@@ -173,7 +173,7 @@ pub struct Measurement {
     pub fits: Vec<Fit>,
     /// The frames to look at, most doubtful first.
     pub ask: Vec<Ask>,
-    /// Fits that failed, and other notes: whole sentences.
+    /// Fits that failed or are no better than a constant, and other notes: whole sentences.
     pub notes: Vec<String>,
 }
 
@@ -290,7 +290,15 @@ fn measure_point(
         let points: Vec<Point> =
             of.filter_map(|(s, factor)| s.measured.map(|(y, variance)| (s.time, y, factor * variance))).collect();
         match fit(request.curve, &points) {
-            Ok(fitted) => fits.push(result(name, request, &points, &fitted, (axes.unit(), relative))),
+            Ok(fitted) => {
+                if let Some(chance) = fitted.by_chance.filter(|chance| *chance >= CHANCE) {
+                    let name = request.name();
+                    notes.push(format!(
+                        "No oscillation {name}: errors about a constant fit as well with probability {chance:.2}."
+                    ));
+                }
+                fits.push(result(name, request, &points, &fitted, (axes.unit(), relative)));
+            }
             Err(problem) => notes.push(format!("No fit {}: {problem}.", request.name())),
         }
     }
@@ -371,6 +379,9 @@ impl Value {
 pub(super) mod tests {
     use super::super::units::Ruler;
     use super::*;
+    use foveate_base::rng::Streams;
+    use rand::RngExt;
+    use rand_distr::StandardNormal;
 
     /// A ball that falls from rest with 9.81 m/s² at 100 px/m and 50 frames/s; lost in two frames.
     pub(in super::super) fn falling(angle: f64) -> Vec<Position> {
@@ -507,6 +518,23 @@ pub(super) mod tests {
         for wrong in ["cubic:y", "line", "line:z", "line:x:2-1", "line:x:1-2:3"] {
             assert!(wrong.parse::<FitRequest>().is_err_and(|problem| problem.contains("parabola")), "{wrong}");
         }
+    }
+
+    /// The errors of a thing at rest are no oscillation; a fit that is better than a constant has no such note.
+    #[test]
+    fn an_oscillation_of_errors_is_a_note() {
+        let fits = vec![FitRequest { curve: Curve::Sine, axis: 0, range: None }];
+        let notes = |swing: f64| {
+            let mut rng = Streams::new(8, 0).rng(1);
+            let mut error = || 0.1 * rng.sample::<f64, _>(StandardNormal);
+            let mut centre = |k: usize| (80.0 + swing * (k as f64 / 3.0).sin() + error(), 40.0);
+            let at = |(k, p): (usize, Position)| Position { centre: centre(k), ..p };
+            let track: Vec<Position> = falling(0.0).into_iter().enumerate().map(at).collect();
+            let measured = measured(&track, None, &Settings { fits: fits.clone(), ..settings() });
+            measured.expect("a measurement").notes
+        };
+        let is_doubted = |notes: Vec<String>| notes.iter().any(|note| note.starts_with("No oscillation sine:x:"));
+        assert!(is_doubted(notes(0.0)) && !is_doubted(notes(20.0)), "{:?} {:?}", notes(0.0), notes(20.0));
     }
 
     #[test]
