@@ -22,8 +22,8 @@ const LEAST: u64 = 1 << 30;
 /// The advice in errors about a low limit. A front end with another option replaces it.
 pub const ADVICE: &str = "allow more with --max-memory (in the library: memory::set_limit)";
 
-/// Bytes that a pixel of a picture takes in a whole run, in all copies together: as it was decoded, those that wait for their turn,
-/// that of the frame before, box means and sums of colours, the film and its encoder, which has most. docs/robustness.md has it measured.
+/// Bytes that a pixel of a picture takes in a whole run, in all copies together: the decoded picture, those in the queue, that of the
+/// frame before, box means and sums of colours, the film and its encoder, which has most. docs/robustness.md has the measurements.
 pub const PIXEL: u64 = 80;
 
 /// Resizes a buffer for so many values. It only grows, because removed and added values would be filled with zeros

@@ -80,7 +80,7 @@ fn execute(body: fn(&[u8]), bytes: &[u8]) -> Option<(Duration, usize)> {
     Some((took, PEAK.load(Ordering::Relaxed).saturating_sub(before)))
 }
 
-/// Time that this process has had processors for, in hundredths of a second; `None` where the system does not say.
+/// Time that this process has had processors for, in hundredths of a second; `None` where the system does not report it.
 fn worked() -> Option<Duration> {
     let text = std::fs::read_to_string("/proc/self/stat").ok()?;
     let mut fields = text.rsplit_once(')')?.1.split_whitespace().skip(11);

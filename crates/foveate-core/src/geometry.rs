@@ -139,7 +139,7 @@ pub struct Extent {
     pub half_h: f64,
 }
 
-/// An extent as it was saved.
+/// A saved extent, before its check.
 #[derive(Deserialize)]
 struct Halves {
     half_w: f64,
@@ -192,7 +192,7 @@ pub struct State {
     pub log_aspect: f64,
 }
 
-/// A state as it was saved.
+/// A saved state, before its check.
 #[derive(Deserialize)]
 struct Believed {
     x: f64,

@@ -186,8 +186,8 @@ impl Places {
     unsafe fn read_corners<const V: u8>(&self, plane: &Plane<'_>, out: &mut [f32; CELLS]) {
         use std::arch::x86_64::*;
         for four in (0..CELLS).step_by(4) {
-            // SAFETY: pairs of samples lie in the data by the caller's word. SSE2 is part of x86-64, and `V` says
-            // where FMA is too.
+            // SAFETY: the caller guarantees that pairs of samples lie in the data. SSE2 is part of x86-64, and `V` is a
+            // vector with FMA only on processors with FMA.
             unsafe {
                 let above = plane.data.as_ptr();
                 let below = above.add(plane.stride);

@@ -234,7 +234,7 @@ impl Mp4 {
         self.order.get(place).map(|&sample| self.time(sample))
     }
 
-    /// The next picture as it was coded.
+    /// The next picture in its coded form.
     pub(crate) fn yuv(&mut self) -> Option<Decoded<(Yuv, f64)>> {
         if let Some(picture) = self.fed() {
             return Some(Ok(picture));

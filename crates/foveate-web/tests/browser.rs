@@ -129,7 +129,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
         browser.value(&fetched).as_str().map(str::to_owned)
     };
     let shown = browser.boxes();
-    // The policy of the page lets nothing be fetched but its own files: the links are for users, so the test checks the tracker.
+    // The policy of the page allows only its own files: the links are for users, so the test checks the tracker.
     assert_eq!(text(&mut browser, "boxes.txt"), None);
     browser.complaints.retain(|complaint| !complaint.contains("Content Security Policy"));
     for (name, lines) in [("boxes.txt", FRAMES), ("track.csv", FRAMES + 1), ("track.jsonl", FRAMES)] {

@@ -1,7 +1,7 @@
 //! The best of nine slot machines changes three times: EXP3 trusts the past, EXP3.S lets a little of it go.
 //!
 //! Against the best machine of each quarter, EXP3.S stays within its theorem, and loses much less than EXP3, whose
-//! theorem speaks of the best single machine only.
+//! theorem compares with the best single machine only.
 //! `cargo run --release -p foveate --example 06_adversarial_bandit`
 
 use foveate::gaze::{Context, Exp3, Grid, Plan, Policy, PolicySnapshot, Variant};

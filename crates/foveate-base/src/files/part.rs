@@ -104,7 +104,7 @@ impl Part {
     /// Syncs the file to disk and renames it to its final name.
     ///
     /// # Errors
-    /// Fails if either fails: then the file of that name is as it was, and this one is gone.
+    /// Fails if either fails: the file of that name is then unchanged, and this one is removed.
     pub fn keep(mut self) -> io::Result<()> {
         let Some(path) = &self.to else { return Ok(()) };
         attempt(Operation::Sync, path)?;

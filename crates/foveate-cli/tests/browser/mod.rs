@@ -261,7 +261,7 @@ impl Drop for Browser {
     }
 }
 
-/// Checks a page that is one file: it has both colour schemes, a policy that lets nothing in, and no address but that of SVG itself.
+/// Checks a page that is one file: it has both colour schemes, a policy that loads nothing, and no address but that of SVG itself.
 pub(crate) fn is_one_document(page: &str) {
     assert!(page.contains("@media (prefers-color-scheme: dark)"), "a dark scheme");
     assert!(page.contains("http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'"), "a policy");

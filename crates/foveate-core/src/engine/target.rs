@@ -4,7 +4,7 @@ use crate::geometry::{Covariance, Extent, State};
 use crate::reference::ReferenceLikelihood;
 use serde::{Deserialize, Serialize};
 
-/// The target as it was given.
+/// The given target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Target {
     pub state: State,

@@ -45,8 +45,9 @@ const CHUNK: usize = 48;
 
 /// Retina, encoder, distance and a template.
 pub struct GazeAppearance {
-    /// About the committed gaze, and as it was given.
+    /// The retina about the committed gaze.
     retina: Arc<dyn Retina>,
+    /// The retina of the configuration.
     centred: Arc<dyn Retina>,
     /// The gaze that it is committed to: the centre at first.
     committed: Gaze,

@@ -55,7 +55,7 @@ pub(super) struct Training {
 }
 
 impl Training {
-    /// Begins with an encoder as it was pretrained.
+    /// Starts from a pretrained encoder.
     pub(super) fn new(settings: Settings, pretrained: &RbmEncoder) -> Self {
         Self { settings, pretrained: pretrained.clone(), seed: 0, rbm: begin(settings, pretrained, 0), looks: vec![] }
     }

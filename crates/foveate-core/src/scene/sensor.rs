@@ -359,7 +359,8 @@ mod tests {
         }
     }
 
-    /// However large the target, it reads no more than its settings say; of many gazes all that they see.
+    /// Whatever the size of the target, the sensor reads at most as many values as its settings allow, and for several gazes all that they
+    /// cover.
     #[test]
     fn it_reads_no_more_than_it_may() {
         let image = picture(1);

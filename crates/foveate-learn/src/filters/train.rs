@@ -126,7 +126,7 @@ impl Trainer {
     /// every filter that turns.
     ///
     /// # Errors
-    /// [`Error::Stopped`] then; the trainer is as it was before.
+    /// [`Error::Stopped`] then; the trainer is unchanged.
     pub fn step_until(&mut self, stop: Stop<'_>) -> Result<()> {
         let n_x = self.model.shape().1;
         let mut filters = self.model.filters.clone();
@@ -219,8 +219,7 @@ mod tests {
         assert_eq!(run(3), (costs, model));
     }
 
-    /// A trainer that is stopped is as it was before, and stops soon: between two questions lie 256 patches at most. It then continues to
-    /// the same bits.
+    /// A stopped trainer is unchanged, and stops soon: it checks after at most 256 patches. It then continues to the same bits.
     #[test]
     fn a_pass_stops_within_256_patches_and_changes_nothing() {
         let data = patches(6000, 0.5);

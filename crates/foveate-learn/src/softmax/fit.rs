@@ -56,7 +56,7 @@ pub struct Solution {
     pub bias: Vec<f64>,
     /// Steps taken.
     pub steps: usize,
-    /// Whether the gradient is within the tolerance, or rounding lets no step go further down.
+    /// Whether the gradient is within the tolerance, or rounding prevents any step down.
     pub converged: bool,
 }
 

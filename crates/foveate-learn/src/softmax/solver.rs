@@ -11,7 +11,7 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// Minimises with ten pairs, and a search along each direction that halves or doubles the step until the weak Wolfe conditions hold
 /// (Lewis & Overton 2013). Returns the steps it took, and whether it converged: no part of the gradient is above `tolerance`, or
-/// rounding lets no step go further down.
+/// rounding prevents any step down.
 ///
 /// Fails if the objective fails.
 pub(super) fn minimize(objective: Objective<'_>, x: &mut [f64], steps: usize, tolerance: f64) -> Result<(usize, bool)> {

@@ -70,7 +70,7 @@ pub trait Training: Sized {
         let finite = self.parts().iter().all(|(_, values)| values.iter().all(|x| x.is_finite()));
         if finite { Ok(()) } else { Err(self.state().diverged()) }
     }
-    /// Writes a checkpoint; the file is whole or as it was before. `data` identifies the data of all epochs.
+    /// Writes a checkpoint; the file is whole or unchanged. `data` identifies the data of all epochs.
     ///
     /// # Errors
     /// The training has diverged, or the file cannot be written.

@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 use super::sources::{Body, Field, Item, Variant, items, resolve};
 
-/// The least that a configuration must say.
+/// The smallest valid configuration.
 const LEAST: &str = r#"
 particles = 100
 dynamics = { kind = "autoregressive" }

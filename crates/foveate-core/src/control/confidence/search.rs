@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ConfidenceModel;
 
-/// Whether the target is searched for, and the frames that speak against it.
+/// Whether the target is searched for, and the frames with evidence against it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SearchState {

@@ -2,7 +2,7 @@
 //!
 //! 48 images of 15 × 15: in the middle one of eight symbols, in the region it stands for (of the eight around, 5 × 5
 //! each) a bar of three pixels, level or upright, in one of three positions each. The class is the bar's direction. A
-//! fixation sees one region; the glimpse of the middle chooses the place and is then forgotten.
+//! fixation sees one region; the glimpse of the middle chooses the place and is then dropped.
 
 use super::*;
 use crate::training::Training;
