@@ -69,11 +69,18 @@ impl Priority {
 mod tests {
     use super::*;
 
+    /// A budget of 0 has no limit.
+    #[test]
+    fn a_budget_suffices_for_as_many_targets() {
+        let suffices = |budget, targets| Attention { budget, ..Attention::default() }.suffices(targets);
+        assert!(suffices(0, 9) && suffices(3, 2) && suffices(3, 3) && !suffices(3, 4));
+    }
+
     #[test]
     fn priorities_order_the_targets() {
         let candidate = |waited, surprise| Candidate { waited, surprise };
-        let all = [candidate(3, 0.5), candidate(1, 0.1), candidate(2, 0.9)];
-        for (policy, expected) in [(Priority::RoundRobin, [0, 2, 1]), (Priority::Surprise, [2, 0, 1])] {
+        let all = [candidate(3, 0.5), candidate(1, 0.1), candidate(2, 0.9), candidate(0, 1.0)];
+        for (policy, expected) in [(Priority::RoundRobin, [0, 2, 1, 3]), (Priority::Surprise, [2, 0, 3, 1])] {
             let mut order = vec![];
             Attention { budget: 1, policy }.order(all.into_iter(), &mut order);
             assert_eq!(order.iter().map(|(_, i)| *i).collect::<Vec<_>>(), expected, "{policy:?}");

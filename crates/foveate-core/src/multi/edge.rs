@@ -50,6 +50,12 @@ mod tests {
         let bbox = |x: f64, w: f64| BBox { x, y: 20.0, w, h: 40.0 };
         assert!(comes_in(&bbox(0.0, 10.0), &bbox(0.0, 14.0), &image, 0.5));
         assert!(comes_in(&bbox(90.0, 10.0), &bbox(84.0, 16.0), &image, 0.5));
+        assert!(!comes_in(&bbox(0.0, 10.0), &bbox(0.0, 10.5), &image, 0.5), "it has not grown by a tenth");
+        // Each side may shrink by up to a tenth while the area grows.
+        for (w, h, enters) in [(9.5, 60.0, true), (8.5, 60.0, false), (15.0, 37.0, true), (15.0, 35.0, false)] {
+            let found = BBox { h, ..bbox(0.0, w) };
+            assert_eq!(comes_in(&bbox(0.0, 10.0), &found, &image, 0.5), enters, "{w} x {h}");
+        }
         assert!(!comes_in(&bbox(30.0, 10.0), &bbox(30.0, 14.0), &image, 0.5), "not at the edge");
         assert!(!comes_in(&bbox(0.0, 14.0), &bbox(0.0, 10.0), &image, 0.5), "goes out");
         assert!(!comes_in(&bbox(0.0, 14.0), &BBox { h: 20.0, ..bbox(0.0, 50.0) }, &image, 0.5), "something else");

@@ -74,6 +74,15 @@ mod tests {
         };
         assert!(left(0..35) < 0.15 * 64.0 * 200.0, "{}", left(0..35));
         assert_eq!(left(35..36), 50.0 * 200.0);
+        // Of a white picture, a box of 8 x 2 px that is turned by a quarter takes 2 x 8 px.
+        let (template, mut white) = (Image::grey(30, 30, 200), Image::grey(30, 30, 200));
+        let extent = Extent { half_w: 4.0, half_h: 1.0 };
+        let turned = State { angle: std::f64::consts::FRAC_PI_2, ..was };
+        take_off(&mut white, TemplateSource { image: &template, extent, ..look }, &turned, 1.0);
+        for (k, left) in white.plane(0).iter().enumerate() {
+            let taken = (9..11).contains(&(k % 30)) && (6..14).contains(&(k / 30));
+            assert!(if taken { *left == 0 } else { *left == 200 }, "{left} at {}, {}", k % 30, k / 30);
+        }
         let mut half = paint(50, 20..28, true);
         take_off(&mut half, look, &now, 0.5);
         assert_eq!(half.at(0, 23, 23), 100);

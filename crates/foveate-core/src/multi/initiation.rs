@@ -224,6 +224,40 @@ mod tests {
         }
     }
 
+    /// A candidate that moves uniformly is expected exactly where it will be, also after frames without a detection, and moves with the
+    /// camera.
+    #[test]
+    fn uniform_motion_is_predicted_exactly() {
+        let s = with(Initiation { hits: 9, within: 30, ..Initiation::default() });
+        let at = |frame: usize| BBox { x: 6.0 * frame as f64, y: 90.0 - 4.0 * frame as f64, w: 20.0, h: 30.0 };
+        let mut tentative = TentativeTracks::default();
+        for frame in [0, 1, 3, 4] {
+            assert!(tentative.grow(frame, &[Detection::new(at(frame), 1.0)], (400.0, 300.0), &s).is_empty());
+        }
+        let expected = |tentative: &TentativeTracks| {
+            let mut all = vec![];
+            tentative.expect(6, &s, &mut all);
+            all.iter().map(|expected| expected.bbox).collect::<Vec<_>>()
+        };
+        assert_eq!(expected(&tentative), [at(6)]);
+        tentative.shift(&|_, _| (30.0, -20.0));
+        assert_eq!(expected(&tentative), [BBox { x: at(6).x + 30.0, y: at(6).y - 20.0, ..at(6) }]);
+        tentative.clear();
+        assert_eq!(expected(&tentative), []);
+    }
+
+    /// A candidate has one detection a frame at most, and none in frames to come.
+    #[test]
+    fn impossible_saved_candidates_are_refused() {
+        let ok = |hits: usize, first: usize, last: usize| {
+            let (bbox, velocity) = (found(0.0).bbox, (0.0, 0.0));
+            let candidate = Candidate { bbox, origin: bbox, velocity, hits, ranks: 1.0, first, last, newest: 0 };
+            TentativeTracks { candidates: vec![candidate] }.check(9).is_ok()
+        };
+        assert!(ok(1, 9, 9) && ok(10, 0, 9));
+        assert!(!ok(1, 5, 4) && !ok(1, 0, 10) && !ok(0, 0, 9) && !ok(11, 0, 9));
+    }
+
     #[test]
     fn only_moving_candidates_become_targets() {
         let s = with(Initiation { moved: 0.1, ..Initiation::default() });

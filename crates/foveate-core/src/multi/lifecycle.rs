@@ -268,6 +268,53 @@ mod tests {
         assert!(taken(&it));
     }
 
+    /// The variance ahead is that of the place plus the velocity: Var(x + v) = Var(x) + 2 Cov(x, v) + Var(v). The expected box has moved
+    /// by the velocity.
+    #[test]
+    fn a_target_is_expected_where_it_moves() {
+        let mut it = targets(Initiation::default());
+        let track = &mut it.active[0].track;
+        (track.state.vx, track.state.vy) = (3.0, -2.0);
+        let c = &mut track.covariance;
+        (c[0][0], c[0][2], c[2][2]) = (4.0, 1.0, 2.0);
+        (c[1][1], c[1][3], c[3][3]) = (9.0, -2.0, 5.0);
+        it.expect();
+        let expected = it.work.expected[0];
+        assert_eq!((expected.variance, expected.bbox.centre(), expected.guess), ((8.0, 10.0), (53.0, 48.0), false));
+    }
+
+    /// A box around two targets is assigned to none and starts no track, unless the detector does not merge targets.
+    #[test]
+    fn merged_detections_are_left_out() {
+        for (merges, left) in [(true, 0), (false, 1)] {
+            let mut it = targets(Initiation::default());
+            it.remove(1);
+            for x in [40.0, 60.0] {
+                it.add(&picture(), None, target(x)).expect("a box in the picture");
+            }
+            it.settings.merges = merges;
+            let around = Detection::new(BBox::around(50.0, 50.0, 40.0, 20.0), 1.0);
+            it.expect();
+            it.assign(&picture(), &[around], 1);
+            let taken = it.active.iter().filter(|target| target.track.detection.is_some()).count();
+            assert_eq!(it.work.detections.len() + taken, left, "merges: {merges}");
+        }
+    }
+
+    /// A target has the index of its detection if the detection is one of the caller's.
+    #[test]
+    fn only_detections_of_the_caller_have_an_index() {
+        for (own, index) in [(2, Some(1)), (1, None)] {
+            let mut it = targets(Initiation::default());
+            let found = [20.0, 51.0].map(|x| Detection::new(target(x), 1.0));
+            it.expect();
+            it.assign(&picture(), &found, own);
+            let track = &it.active[0].track;
+            assert_eq!((track.detection.map(|d| d.bbox), track.detection_index), (Some(found[1].bbox), index));
+            assert_eq!((it.work.detections.len(), &it.work.numbers[..]), (1, &[0][..]), "the other one is left");
+        }
+    }
+
     /// A detection identifies the most similar of the terminated targets, which continues there with its id and its first frame.
     #[test]
     fn the_most_similar_target_is_identified() {

@@ -101,6 +101,8 @@ mod tests {
         let mut fronts = Fronts { now: vec![(1, 2)], ..Fronts::default() };
         let slight = [body(1, 0.0, 0.0, 0.5), body(2, 10.0, 0.0, 0.6)];
         assert_eq!(shares(&slight, &flat, &mut fronts), [1.0, 0.5]);
+        let mut other = Fronts { now: vec![(2, 1)], ..Fronts::default() };
+        assert_eq!(shares(&[body(1, 0.0, 0.0, 0.6), body(2, 10.0, 0.0, 0.5)], &flat, &mut other), [0.5, 1.0]);
         let clear = [body(1, 0.0, 0.0, 0.1), body(2, 10.0, 0.0, 0.6)];
         assert_eq!(shares(&clear, &flat, &mut fronts), [0.5, 1.0]);
         assert_eq!(fronts.now, [(2, 1)]);

@@ -166,6 +166,48 @@ mod tests {
         assert_eq!(pairs(&[expected(0.0)], &[large], &s, &mut never), [None], "of another size");
     }
 
+    /// By place, the score is the mean of the IoU and of the Gaussian density relative to its maximum: boxes of 20 x 40 with variances of 4
+    /// and 9 pixels², and detections of a standard deviation of a quarter of half a side. Beyond the gate, in half boxes, there is none.
+    #[test]
+    fn the_score_of_place_is_that_of_overlap_and_distance() {
+        let s = Settings { gate: 2.0, ..Settings::default() };
+        let target = Expected { variance: (4.0, 9.0), ..expected(100.0) };
+        let score = |dx: f64, dy: f64| by_place(&target, &BBox { x: 100.0 + dx, y: 10.0 + dy, w: 20.0, h: 40.0 }, &s);
+        for (dx, dy) in [(0.0, 0.0), (3.0, -5.0), (-7.0, 2.0), (15.0, 0.0), (0.0, 30.0)] {
+            let shared = (20.0 - f64::abs(dx)) * (40.0 - f64::abs(dy));
+            let distance = dx * dx / (4.0 + 2.5 * 2.5) + dy * dy / (9.0 + 5.0 * 5.0);
+            let wanted = 0.5 * (shared / (1600.0 - shared) + (-0.5 * distance).exp());
+            assert!(score(dx, dy).is_some_and(|score| (score - wanted).abs() < 1e-12), "{dx} {dy}");
+        }
+        assert!(score(19.0, 0.0).is_some() && score(21.0, 0.0).is_none());
+        assert!(score(0.0, 39.0).is_some() && score(0.0, -41.0).is_none());
+        assert!(score(15.0, 30.0).is_none(), "farther than the gate along a diagonal");
+    }
+
+    /// The size of a detection is the square root of its area: it may differ by the factor `size`, whatever the shape.
+    #[test]
+    fn the_gate_of_size_is_a_ratio() {
+        let s = Settings { size: 1.5, ..Settings::default() };
+        let fits = |w: f64, h: f64| by_place(&expected(0.0), &BBox::around(10.0, 30.0, w, h), &s).is_some();
+        assert!(fits(20.0 * 1.4, 40.0 * 1.4) && fits(20.0 / 1.4, 40.0 / 1.4) && fits(40.0, 40.0));
+        assert!(!fits(20.0 * 1.6, 40.0 * 1.6) && !fits(20.0 / 1.6, 40.0 / 1.6) && !fits(50.0, 40.0));
+    }
+
+    #[test]
+    fn damaged_detections_are_no_boxes() {
+        let sane = at(5.0);
+        assert!(is_box(&sane) && is_box(&BBox { x: -1e6, y: 1e6, w: 1.0, h: 1e6 }));
+        for wrong in [
+            BBox { x: -2e6, ..sane },
+            BBox { y: 2e6, ..sane },
+            BBox { w: 0.5, ..sane },
+            BBox { h: 2e6, ..sane },
+            BBox { x: f64::NAN, ..sane },
+        ] {
+            assert!(!is_box(&wrong), "{wrong:?}");
+        }
+    }
+
     #[test]
     fn detected_targets_come_first_and_weak_detections_last() {
         let s = Settings::default();
@@ -188,9 +230,16 @@ mod tests {
         let s = Settings { looks: 0.8, ..Settings::default() };
         // By place the first is nearer to the first; by appearance they have swapped places.
         let mut similarity = |i: usize, j: usize| Some(if i == j { 0.1 } else { 0.9 });
-        assert_eq!(
-            pairs(&[expected(0.0), expected(6.0)], &[found(2.0), found(4.0)], &s, &mut similarity),
-            [Some(1), Some(0)]
-        );
+        let (targets, detections) = ([expected(0.0), expected(6.0)], [found(2.0), found(4.0)]);
+        assert_eq!(pairs(&targets, &detections, &s, &mut similarity), [Some(1), Some(0)]);
+        // Without a weight of appearance, place decides.
+        let place = Settings { looks: 0.0, ..s };
+        assert_eq!(pairs(&targets, &detections, &place, &mut similarity), [Some(0), Some(1)]);
+        // Two targets that claim one detection: it is that of the similar one, not of the nearer one.
+        let mut similarity = |i: usize, _: usize| Some(if i == 0 { 0.1 } else { 0.9 });
+        assert_eq!(pairs(&targets, &[found(2.0)], &s, &mut similarity), [None, Some(0)]);
+        // Only one of two detections is claimed by another target, too.
+        let mut similarity = |_: usize, j: usize| Some(if j == 0 { 0.1 } else { 0.9 });
+        assert_eq!(pairs(&targets[..1], &detections, &s, &mut similarity), [Some(1)]);
     }
 }

@@ -136,6 +136,17 @@ impl Initiation {
 mod tests {
     use super::*;
 
+    /// It is strong enough to start a track, and too weak to start one beside another target.
+    #[test]
+    fn the_rank_of_a_detection_without_a_score_is_between_weak_and_strong() {
+        for (rank, weak, strong) in [(0.0, 0.0, 0.9), (0.3, 0.5, 0.9), (0.6, 0.2, 0.8), (0.5, 0.0, 2.0)] {
+            let base = Settings::default();
+            let settings = Settings { weak, initiation: Initiation { rank, strong, ..base.initiation }, ..base };
+            let unknown = settings.unknown_rank();
+            assert!(rank.max(weak) < unknown && unknown < strong.min(1.0), "{rank} {weak} {strong}: {unknown}");
+        }
+    }
+
     #[test]
     fn detections_that_span_too_few_frames_are_named() {
         let base = Settings::default();

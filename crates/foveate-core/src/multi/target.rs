@@ -199,6 +199,7 @@ mod tests {
 
     use super::*;
     use crate::engine::toy::{Toy, parts, picture, target};
+    use crate::geometry::Gaze;
 
     /// Returns a target at column 50 whose likelihood has its maximum at column `at`, and the number of templates that it has received.
     fn given(at: f64) -> (Target, Arc<AtomicUsize>) {
@@ -247,6 +248,53 @@ mod tests {
             it.step(&picture(), &settings, false);
             assert_eq!(it.track.phase, phase, "hidden for {hidden} frames");
         }
+    }
+
+    /// A frame counts as hidden if less than half of the target is visible, or if a part is covered and another target may be at its place.
+    #[test]
+    fn hidden_frames_are_counted() {
+        use crate::engine::Claim;
+        let here = Claim { centre: (50.0, 50.0), variance: (4.0, 4.0) };
+        for (visible, met, hidden) in
+            [(1.0, false, 0), (1.0, true, 0), (0.9, false, 0), (0.9, true, 4), (0.4, false, 4), (0.4, true, 4)]
+        {
+            let mut it = given(50.0).0;
+            (it.hidden, it.track.visible) = (3, visible);
+            it.ensemble.exclude(here, met.then_some(here).into_iter());
+            it.step(&picture(), &Settings::default(), false);
+            assert_eq!(it.hidden, hidden, "{visible} is visible, another one is there: {met}");
+            let (bbox, confidence) = it.ensemble.first().reported();
+            assert_eq!((it.track.bbox, it.track.p_lost), (bbox, confidence.p_lost), "as the tracker reports");
+        }
+    }
+
+    /// The shape of the box approaches that of the detections, by the weight of the newest one; the area stays.
+    #[test]
+    fn the_shape_follows_the_detections() {
+        let settings = Settings::default();
+        let mut it = given(50.0).0;
+        let wide = BBox::around(50.0, 50.0, 40.0, 10.0);
+        for k in 1..4 {
+            it.set_detection(Some(Detection::new(wide, 1.0)), None);
+            it.step(&picture(), &settings, true);
+            let shape = (1.0 - (1.0 - settings.shape).powi(k)) * 4.0f64.ln();
+            let BBox { w, h, .. } = it.track.bbox;
+            assert!((it.shape - shape).abs() < 1e-9 && (it.shape - (w / h).ln()).abs() < 1e-9, "{k}: {w} x {h}");
+            let reported = it.ensemble.first().reported().0;
+            assert!((w * h / (reported.w * reported.h) - 1.0).abs() < 1e-9);
+        }
+    }
+
+    /// A target that is set again keeps its id and its class.
+    #[test]
+    fn a_target_that_is_set_again_is_the_same() {
+        let mut it = given(50.0).0;
+        let gaze = Gaze { u: 0.25, v: 0.5, arm: None };
+        (it.track.class, it.track.detected_class, it.track.gaze) = (Some((1, 0.9)), Some(2), gaze);
+        it.begin(7, target(60.0), Phase::ReIdentified);
+        let Seen { id, born, phase, bbox, class, detected_class, .. } = it.track;
+        assert_eq!((id, born, phase, bbox), (1, 7, Phase::ReIdentified, target(60.0)));
+        assert_eq!((class, detected_class, it.track.gaze), (Some((1, 0.9)), Some(2), gaze));
     }
 
     /// A template that is taken while another target covers a part of it would contain that part.
