@@ -269,6 +269,26 @@ mod tests {
         assert!(!committee.members[2].voter.is_searching());
     }
 
+    /// One voter has the status of a single tracker, bit for bit, also while it is lost: its model decides, not the rule of the vote.
+    #[test]
+    fn one_voter_is_a_single_tracker() {
+        use crate::engine::toy::{Toy, parts, picture, started, target};
+        let image = picture();
+        let scene = Scene { image: &image, detections: &[] };
+        let mut alone = started(parts(Toy::at(50.0)), 0);
+        let mut ensemble = Ensemble::new(vec![parts(Toy::at(50.0))], 1, 0);
+        ensemble.init(&image, target(50.0)).expect("a box in the picture");
+        for frame in 0..30 {
+            if frame == 5 {
+                alone.reset_at(&target(90.0));
+                ensemble.reset_at(&target(90.0));
+            }
+            let (a, b) = (alone.step_on(scene), ensemble.step_on(scene));
+            assert_eq!((a.bbox, a.p_lost, a.status, a.phase), (b.bbox, b.p_lost, b.status, b.phase), "frame {frame}");
+        }
+        assert!(alone.is_searching());
+    }
+
     /// The random streams of the trackers differ, a state fits the same number of trackers, and the vote is a part of it.
     #[test]
     fn trackers_share_no_draw_and_save_their_vote() {

@@ -254,6 +254,18 @@ mod tests {
     use foveate_base::rng::Purpose;
     use std::sync::Arc;
 
+    /// Logarithms of size and shape add up; a shape stays within its limits.
+    #[test]
+    fn all_particles_take_a_new_size_and_shape() {
+        let mut filter = Filter::new(Box::new(Prior::new(Arc::new(Autoregressive::default()))), 2).expect("particles");
+        filter.state.particles[1] = State { log_scale: 0.5, log_aspect: -0.25, ..State::default() };
+        filter.reshape([0.125, -0.5]);
+        let shapes: Vec<_> = filter.state.particles.iter().map(|it| (it.log_scale, it.log_aspect)).collect();
+        assert_eq!(shapes, [(0.125, -0.5), (0.625, -0.75)]);
+        filter.reshape([0.0, 1e3]);
+        assert!(filter.state.particles.iter().all(|it| it.log_aspect == MOST_ASPECT));
+    }
+
     /// n frames at constant velocity with noises q, p: x has moved by n v, and its variance is n p² + q² Σ k² over k = 1 ... n. With
     /// n - 1 of them dropped, one step gives that; without, that of one frame.
     #[test]

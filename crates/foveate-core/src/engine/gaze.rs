@@ -98,3 +98,63 @@ impl GazeControl {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::super::toy::{EXTENT, Toy, given, picture};
+    use super::*;
+    use foveate_base::rng::Rng;
+
+    /// A policy that receives the prior of one gaze.
+    struct Rehearsed(Arc<Mutex<Vec<f64>>>);
+
+    impl Policy for Rehearsed {
+        fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
+            plan.only(Gaze::CENTRE);
+        }
+        fn learn(&mut self, _: &Plan, _: &[f64]) {}
+        fn expectation(&self) -> Option<Expectation> {
+            Some(Expectation::Rehearsal)
+        }
+        fn init_prior(&mut self, value: &mut dyn FnMut(Gaze) -> f64) {
+            self.0.lock().expect("no panic").push(value(Gaze::CENTRE));
+        }
+    }
+
+    /// A reward that keeps the places of the rehearsal with their log weights and log-likelihoods.
+    struct Places(Arc<Mutex<Vec<(State, f64, f64)>>>);
+
+    impl Reward for Places {
+        fn reward(&mut self, states: &[State], log_prior: &[f64], l: &[f64], _: (&State, Extent)) -> f64 {
+            let all = states.iter().zip(log_prior).zip(l).map(|((state, prior), l)| (*state, *prior, *l));
+            self.0.lock().expect("no panic").extend(all);
+            0.75
+        }
+    }
+
+    /// The places form a grid over two deviations to each side of the target, with the log density of a normal distribution, and the
+    /// prior of a gaze is its reward there.
+    #[test]
+    fn a_rehearsal_covers_the_places_around_the_target() {
+        let (priors, places) = (Arc::default(), Arc::default());
+        let mut control =
+            GazeControl::new(Box::new(Rehearsed(Arc::clone(&priors))), Box::new(Places(Arc::clone(&places))));
+        let (target, mut appearance) = (given(), Toy::at(50.0));
+        control.init_prior(&picture(), &target, &mut appearance);
+        assert_eq!(*priors.lock().expect("no panic"), [0.75]);
+        let places = places.lock().expect("no panic");
+        let deviation = REHEARSED * EXTENT.half_w;
+        let mut grid = std::collections::BTreeSet::new();
+        for (place, log_prior, fit) in &*places {
+            let (a, b) = ((place.x - target.state.x) / deviation, (place.y - target.state.y) / deviation);
+            assert!((log_prior + 0.5 * (a * a + b * b)).abs() < 1e-9 && a.abs() <= 2.0 + 1e-9 && b.abs() <= 2.0 + 1e-9);
+            let mut likelihood = [0.0];
+            appearance.log_likelihood(&[*place], Gaze::CENTRE, &mut likelihood);
+            assert_eq!(likelihood[0], *fit);
+            grid.insert(((2.0 * a).round() as i32, (2.0 * b).round() as i32));
+        }
+        assert_eq!((grid.len(), places.len()), (PLACES * PLACES, PLACES * PLACES), "half a deviation apart");
+    }
+}

@@ -129,7 +129,8 @@ mod tests {
             let axis = |x: f64, v: f64| (-x * x / (2.0 * v)).exp() / (std::f64::consts::TAU * v).sqrt();
             axis(s.x - c.centre.0, c.variance.0) * axis(s.y - c.centre.1, c.variance.1)
         };
-        let (own, others) = (claim(0.0, 2.0), [claim(5.0, 1.0), claim(-3.0, 4.0)]);
+        let beside = Claim { centre: (-3.0, 17.0), variance: (16.0, 9.0) };
+        let (own, others) = (claim(0.0, 2.0), [claim(5.0, 1.0), beside]);
         for x in [-8.0, -1.0, 0.0, 2.5, 5.0, 9.0] {
             let p = density(&own, &at(x));
             let wanted = p / (p + others.iter().map(|c| density(c, &at(x))).sum::<f64>());
