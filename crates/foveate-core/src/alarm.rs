@@ -142,6 +142,10 @@ mod tests {
             g.update(&log_p, &SURE);
             assert_eq!(g.deficit(), 0.0);
         }
+        // Nor does the deficit of a class that was known change.
+        g.past = Past { agreed: 4.5, frames: 5, deficit: 0.25 };
+        g.update(&[0.01f64.ln(), 0.99f64.ln()], &Context { deficit: 0.5, ..SURE });
+        assert_eq!(g.deficit(), 0.25);
         assert!(g.load(&SavedState::new(&Alarm::new(3).expect("three classes"))).is_err());
         let mut damaged = alarm();
         damaged.past.deficit = 7.0;

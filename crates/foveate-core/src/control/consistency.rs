@@ -215,6 +215,16 @@ mod tests {
         assert!(later.deficit > 1.9 && later.is_informative, "a loss is one: {later:?}");
     }
 
+    /// Of six frames at the start, three may be beyond the reference.
+    #[test]
+    fn a_reference_is_informative_in_half_of_the_first_frames() {
+        for beyond in 0..=6 {
+            let mut v = ConsistencyMonitor::new(ConsistencySettings { settle: 6, ..ConsistencySettings::default() });
+            let judge = |t| v.judge(if t < beyond { -25.0 } else { -4.0 }, &[0.0, -50.0], REFERENCE);
+            assert_eq!((0..6).map(judge).last().expect("six frames").is_informative, beyond <= 3, "{beyond} of 6");
+        }
+    }
+
     #[test]
     fn flat_weights_and_no_evidence_are_doubt() {
         let mut v = ConsistencyMonitor::new(ConsistencySettings::default());
@@ -236,8 +246,12 @@ mod tests {
             (&[0.0, 0.0], 0.5, 1.0),
         ] {
             let logs: Vec<f64> = weights.iter().map(|w: &f64| w.ln()).collect();
-            let found = tempered_ess(&logs, power);
-            assert!((found - exact).abs() < 1e-12, "{weights:?} to the power {power}: {found}, expected {exact}");
+            // A common factor of the weights, however large, changes nothing.
+            for factor in [0.0, -5000.0, 5000.0] {
+                let logs: Vec<f64> = logs.iter().map(|log| log + factor).collect();
+                let found = tempered_ess(&logs, power);
+                assert!((found - exact).abs() < 1e-9, "{weights:?} to the power {power}: {found}, expected {exact}");
+            }
         }
     }
 
