@@ -64,7 +64,8 @@ impl Config {
 
     /// The name of its gaze policy.
     pub fn policy_kind(&self) -> String {
-        let policy = toml::Table::try_from(&self.policy).unwrap_or_default();
+        let text = toml::to_string(&self.policy).unwrap_or_default();
+        let policy: toml::Table = toml::from_str(&text).unwrap_or_default();
         policy.get("kind").and_then(|kind| kind.as_str()).unwrap_or_default().to_owned()
     }
 }

@@ -29,7 +29,8 @@ pub fn changed<T: Serialize + DeserializeOwned>(settings: &T, setting: &str) -> 
         Err(_) if text.chars().all(|c| c.is_alphanumeric() || "-_:./".contains(c)) => toml::Value::String(text.into()),
         Err(e) => return Err(wrong(e.to_string())),
     };
-    let mut whole = toml::Table::try_from(settings).expect("settings are plain data");
+    let text = toml::to_string(settings).expect("settings are plain data");
+    let mut whole: toml::Table = toml::from_str(&text).expect("it was just written");
     let mut table = &mut whole;
     let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
     for part in path.split('.').filter(|part| !part.is_empty()) {
