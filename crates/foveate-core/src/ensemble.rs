@@ -247,6 +247,17 @@ mod tests {
         );
     }
 
+    /// Frames that were dropped before a picture were so for second trackers, too.
+    #[test]
+    fn all_trackers_move_over_dropped_frames() {
+        use crate::engine::toy::{Toy, parts, picture, target};
+        let pair = || parts(Toy::at(50.0)).with_second_tracker(Some(parts(Toy::at(50.0))));
+        let mut ensemble = Ensemble::new((0..2).map(|_| pair()).collect(), 1, 0);
+        ensemble.init(&picture(), target(50.0)).expect("a box in the picture");
+        ensemble.set_dropped(3);
+        assert_eq!(ensemble.trackers_mut().map(|tracker| tracker.dropped()).collect::<Vec<_>>(), [3; 4]);
+    }
+
     /// The parts of a tracker that hardly moves: at a distance of 40 pixels it does not find the target by itself.
     #[test]
     fn the_committee_resets_a_lost_member() {

@@ -254,6 +254,26 @@ mod tests {
     use foveate_base::rng::Purpose;
     use std::sync::Arc;
 
+    /// Each rule by itself: as many particles, as many weights, no more postponed frames than there were, and only of motion that can be
+    /// postponed.
+    #[test]
+    fn a_state_of_another_filter_is_refused() {
+        let filter = |tail_probability| {
+            let dynamics = Autoregressive { tail_probability, ..Autoregressive::default() };
+            Filter::new(Box::new(Prior::new(Arc::new(dynamics))), 3).expect("particles")
+        };
+        let state = |particles: usize, weights: usize, frames: Option<usize>| FilterState {
+            particles: vec![State::default(); particles],
+            log_weights: vec![0.0; weights],
+            waiting: frames.map(|frames| Waiting { frames, mean: State::default(), covariance: Covariance::default() }),
+        };
+        let fits = |state: FilterState, tail: f64| state.validate(&(&filter(tail), 7)).is_ok();
+        assert!(fits(state(3, 3, None), 0.1) && fits(state(3, 3, Some(7)), 0.0));
+        assert!(!fits(state(2, 3, None), 0.0) && !fits(state(3, 4, None), 0.0));
+        assert!(!fits(state(3, 3, Some(8)), 0.0), "more frames than there were");
+        assert!(!fits(state(3, 3, Some(7)), 0.1), "a mixture of normals cannot wait");
+    }
+
     /// Logarithms of size and shape add up; a shape stays within its limits.
     #[test]
     fn all_particles_take_a_new_size_and_shape() {

@@ -90,3 +90,27 @@ impl Engine {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::toy::{Toy, parts, started};
+    use super::*;
+
+    /// Each number is checked by itself, up to its ends.
+    #[test]
+    fn a_target_of_a_size_that_no_tracker_has_is_refused() {
+        let engine = started(parts(Toy::at(50.0)), 0);
+        let saved: serde_json::Value = engine.save().read().expect("JSON");
+        let fits = |path: &str, value: f64| {
+            let mut changed = saved.clone();
+            *changed.pointer_mut(path).expect(path) = value.into();
+            serde_json::from_value::<Own>(changed).is_ok_and(|own| own.validate(&()).is_ok())
+        };
+        for path in ["/target/extent/half_w", "/target/extent/half_h", "/target/unit"] {
+            assert!(fits(path, 0.3) && fits(path, 1e6), "{path}");
+            assert!(!fits(path, 0.29) && !fits(path, 1.01e6), "{path}");
+        }
+        let share = "/target/share";
+        assert!(fits(share, 1e-3) && fits(share, 1.0) && !fits(share, 0.0) && !fits(share, 1.001));
+    }
+}

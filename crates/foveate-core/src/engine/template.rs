@@ -97,6 +97,12 @@ impl Engine {
         self.parts.filter.dropped = frames;
     }
 
+    /// Returns the number of frames that were dropped before the next one.
+    #[cfg(test)]
+    pub(crate) fn dropped(&self) -> usize {
+        self.parts.filter.dropped
+    }
+
     /// Sets the place where this target is expected in the next frame, and the places of the targets that overlap it.
     pub(crate) fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim>) {
         self.visibility.begin(own);

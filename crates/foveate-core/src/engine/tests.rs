@@ -266,6 +266,12 @@ fn similarity_is_the_best_of_nine_places() {
     close(similarity(48.0), 1.0);
     close(similarity(54.0), 1.0 - SLOPE * 2.0 / -OFF);
     close(similarity(90.0), 0.0);
+    let mut engine = started(parts(Toy { row: Some(50.0), ..Toy::at(50.0) }), 0);
+    let mut similarity = |x: f64, y: f64| engine.similarity(&picture(), &State { y, ..state(x) });
+    for (x, y) in [(48.0, 52.0), (52.0, 52.0), (50.0, 48.0), (52.0, 48.0)] {
+        close(similarity(x, y), 1.0);
+    }
+    close(similarity(50.0, 46.0), 1.0 - SLOPE * 2.0 / -OFF);
 }
 
 /// A lost second tracker restarts at the estimate of a first one that is sure; otherwise it does not move.

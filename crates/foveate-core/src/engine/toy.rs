@@ -25,10 +25,13 @@ pub(crate) const SLOPE: f64 = 4.0;
 pub(crate) const OFF: f64 = -40.0;
 const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: 0.0, off: OFF };
 
-/// log p(h | x, a) falls with the horizontal distance from `at`, for any picture. A gaze adds its offset to the place.
+/// log p(h | x, a) falls with the distance from `at`, and from `row` if there is one, for any picture. A gaze adds its offset to the
+/// place.
 pub(crate) struct Toy {
     /// Column of the target.
     pub at: f64,
+    /// Row of the target; `None` if all are alike.
+    pub row: Option<f64>,
     /// Column of the colours of the target, 20 pixels wide; `None` if its surroundings have them too.
     pub colours: Option<f64>,
     pub committed: Gaze,
@@ -60,7 +63,7 @@ impl Memory for Learned {
 
 impl Toy {
     pub(crate) fn at(at: f64) -> Self {
-        Self { at, colours: None, committed: Gaze::CENTRE, templates: Arc::default(), learned: None }
+        Self { at, row: None, colours: None, committed: Gaze::CENTRE, templates: Arc::default(), learned: None }
     }
 
     /// The features of a column: one axis for each 10 pixels.
@@ -77,7 +80,11 @@ impl Appearance for Toy {
     }
     fn prepare(&mut self, _: &Image, _: &[State], _: &[Gaze]) {}
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
-        let fit = |state: &State| (-SLOPE * (state.x + gaze.u * EXTENT.half_w - self.at).abs()).max(OFF);
+        let fit = |state: &State| {
+            let across = (state.x + gaze.u * EXTENT.half_w - self.at).abs();
+            let down = self.row.map_or(0.0, |row| (state.y + gaze.v * EXTENT.half_h - row).abs());
+            (-SLOPE * (across + down)).max(OFF)
+        };
         out.iter_mut().zip(states).for_each(|(out, state)| *out = fit(state));
     }
     fn glimpse(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
