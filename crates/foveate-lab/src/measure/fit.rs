@@ -25,7 +25,7 @@ pub struct Fitted {
     pub freedom: f64,
     /// The correlation of the errors from one frame to the next, 0 to below 1.
     pub correlation: f64,
-    /// Of an oscillation: the probability that errors about a constant, with this correlation, give a fit as good.
+    /// Of an oscillation: an upper bound of the probability that correlated errors about a constant give a fit as good.
     pub by_chance: Option<f64>,
 }
 
@@ -46,16 +46,18 @@ pub fn fit(curve: Curve, points: &[Point]) -> Result<Fitted, String> {
     let data = Data::new(points);
     let mut start = curve.start(&data.t, &data.y, &data.weights()).ok_or_else(undetermined)?;
     let mut best: Option<Solution> = None;
+    let mut peak = f64::NEG_INFINITY;
     for correlation in CORRELATIONS {
         let Some(solution) = data.solve(curve, &start, correlation) else { continue };
         start.clone_from(&solution.values);
+        peak = peak.max(data.peak(solution.square, correlation));
         if best.as_ref().is_none_or(|best| solution.log_likelihood > best.log_likelihood) {
             best = Some(solution);
         }
     }
     let Solution { values, inverse, square, correlation, .. } = best.ok_or_else(undetermined)?;
     let is_oscillation = matches!(curve, Curve::Sine | Curve::Damped);
-    let by_chance = is_oscillation.then(|| data.by_chance(count, square, correlation));
+    let by_chance = is_oscillation.then(|| data.by_chance(count, peak));
     let spare = (points.len() - count) as f64;
     let scale = square / spare;
     let covariance = inverse.matrix.iter().map(|row| row.iter().map(|c| c * scale).collect()).collect();
@@ -117,18 +119,28 @@ impl Data {
         (0..self.t.len()).map(each).collect()
     }
 
-    /// Returns the probability that errors about a constant leave at most this sum of squares to an oscillation with so many parameters.
-    /// At one frequency and decay it is the F test of amplitude and phase. The search over frequencies, decays and correlations counts as
-    /// two independent tries for each point.
-    fn by_chance(&self, parameters: usize, square: f64, correlation: f64) -> f64 {
-        let kept = self.kept(correlation);
-        let white = |level: f64| self.whitened(Curve::Line, &[level, 0.0], &kept);
-        let first = white(self.y[0]);
-        let per_level: Vec<f64> = white(self.y[0] - 1.0).iter().zip(&first).map(|(a, b)| a - b).collect();
+    /// Returns the largest log-likelihood over the errors' variance, up to a constant: `square` is the sum of squared whitened residuals.
+    fn peak(&self, square: f64, correlation: f64) -> f64 {
+        let log_det: f64 = self.kept(correlation).iter().map(|kept| (1.0 - kept * kept).ln()).sum();
+        -0.5 * (self.t.len() as f64 * square.max(f64::MIN_POSITIVE).ln() + log_det)
+    }
+
+    /// Returns a bound of the probability that errors about a constant give an oscillation with so many parameters this largest
+    /// log-likelihood. Each of the two models has its own correlation. At one frequency and decay it is the F test of amplitude and
+    /// phase. The search over frequencies, decays and correlations counts as two independent tries for each point.
+    fn by_chance(&self, parameters: usize, peak: f64) -> f64 {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let constant = product(&first, &first) - product(&first, &per_level).powi(2) / product(&per_level, &per_level);
-        let spare = (self.t.len() - parameters) as f64;
-        (2.0 * self.t.len() as f64 * (square / constant).powf(spare / 2.0)).min(1.0)
+        let constant = CORRELATIONS.map(|correlation| {
+            let kept = self.kept(correlation);
+            let white = |level: f64| self.whitened(Curve::Line, &[level, 0.0], &kept);
+            let first = white(self.y[0]);
+            let per_level: Vec<f64> = white(self.y[0] - 1.0).iter().zip(&first).map(|(a, b)| a - b).collect();
+            let square =
+                product(&first, &first) - product(&first, &per_level).powi(2) / product(&per_level, &per_level);
+            self.peak(square, correlation)
+        });
+        let (n, constant) = (self.t.len() as f64, constant.into_iter().fold(f64::NEG_INFINITY, f64::max));
+        (2.0 * n * ((constant - peak) * (1.0 - parameters as f64 / n)).exp()).min(1.0)
     }
 
     fn solve(&self, curve: Curve, start: &[f64], correlation: f64) -> Option<Solution> {
@@ -294,7 +306,7 @@ mod tests {
     #[test]
     fn noise_is_no_oscillation() {
         for (curve, truth) in &TRUTH[2..4] {
-            for correlation in [0.0, 0.6] {
+            for correlation in [0.0, 0.6, 0.9] {
                 let (mut rng, mut found) = (Streams::new(6, 0).rng(1), [0; 2]);
                 for _ in 0..100 {
                     let mut last: f64 = rng.sample(StandardNormal);

@@ -294,7 +294,7 @@ fn measure_point(
                 if let Some(chance) = fitted.by_chance.filter(|chance| *chance >= CHANCE) {
                     let name = request.name();
                     notes.push(format!(
-                        "No oscillation {name}: errors about a constant fit as well with probability {chance:.2}."
+                        "No oscillation {name}: errors about a constant fit as well with a probability of up to {chance:.2}."
                     ));
                 }
                 fits.push(result(name, request, &points, &fitted, (axes.unit(), relative)));
