@@ -253,7 +253,7 @@ pub(crate) fn positions(bytes: &[u8]) {
     let point = measure::Track { name: "fuzz".into(), positions };
     if let Ok(measured) = measure::measure(&[point], None, &measure::Settings { axes, lens: None, clock, fits }) {
         measure::text(&measured);
-        measure::tables(None, &measured);
+        measure::tables(None, 1.0, &measured);
     }
 }
 

@@ -82,7 +82,7 @@ pub(crate) fn measured(target: usize, track: &str, settings: &Settings) -> Resul
 
 /// Returns the files of a measurement by name; the video is not named in measure.trk.
 pub(crate) fn files(measured: &Measurement) -> Json {
-    json!({ "files": tables(None, std::slice::from_ref(measured)).map(|(name, text)| json!({ "name": name, "text": text })) })
+    json!({ "files": tables(None, 1.0, std::slice::from_ref(measured)).map(|(name, text)| json!({ "name": name, "text": text })) })
 }
 
 /// Returns the data of the page's charts.

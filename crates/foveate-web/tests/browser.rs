@@ -257,7 +257,7 @@ fn a_fall_is_measured_with_the_mouse() {
     };
     let settings = Settings { axes, fits: vec![option("fit").parse().expect("a fit")], ..Settings::default() };
     let native = measure::measure(&[Track { name: "1".into(), positions }], None, &settings).expect("a measurement");
-    let [(_, theirs), ..] = measure::tables(None, &native);
+    let [(_, theirs), ..] = measure::tables(None, 1.0, &native);
     let mut most: f64 = 0.0;
     for (a, b) in ours.lines().zip(theirs.lines()).skip(1) {
         for (a, b) in a.split(',').zip(b.split(',')) {

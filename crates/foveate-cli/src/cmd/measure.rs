@@ -100,7 +100,7 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
     let point = Track { name: names.concat(), positions: measure::read(&file)? };
     let measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
-    measure::write(folder, &file.display().to_string(), &measured)?;
+    measure::write(folder, (&file.display().to_string(), run.input.selection().scale), &measured)?;
     measure::text(&measured).iter().for_each(|line| say!("{line}"));
     say!("{}: {}", folder.display(), measure::FILES.join(", "));
     Ok(())

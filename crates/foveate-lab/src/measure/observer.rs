@@ -110,7 +110,12 @@ impl Observer for MeasureFiles {
         if !std::mem::replace(&mut self.finished, true) {
             let reference = self.reference.as_ref().map(|(_, track)| &track[..]);
             let measured = measure(&self.points, reference, &self.settings)?;
-            for (sink, text) in self.sinks.iter_mut().zip(texts(&self.source.0, Some(self.source.1), &measured)) {
+            for (sink, text) in self.sinks.iter_mut().zip(texts(
+                &self.source.0,
+                Some(Path::new(&self.source.0)),
+                self.source.1,
+                &measured,
+            )) {
                 sink.write(text.as_bytes())?;
             }
             self.lines.0.lock().unwrap_or_else(PoisonError::into_inner).extend(text(&measured));
@@ -119,17 +124,17 @@ impl Observer for MeasureFiles {
     }
 }
 
-/// Writes the files of a measurement to a folder. `source` is the name of the track.
+/// Writes the files of a measurement to a folder. `source` is the name of the track, and the scale of the pictures that it was made on.
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write(folder: &Path, source: &str, points: &[Measurement]) -> Result<()> {
-    let mut files = FILES.into_iter().zip(texts(source, None, points));
+pub fn write(folder: &Path, (source, scale): (&str, f64), points: &[Measurement]) -> Result<()> {
+    let mut files = FILES.into_iter().zip(texts(source, None, scale, points));
     files.try_for_each(|(name, text)| files::write(folder.join(name), text.as_bytes()))
 }
 
-fn texts(source: &str, scale: Option<f64>, points: &[Measurement]) -> [String; 5] {
-    let [csv, fits, ask, trk] = tables(scale.map(|scale| (Path::new(source), scale)), points).map(|(_, text)| text);
+fn texts(source: &str, video: Option<&Path>, scale: f64, points: &[Measurement]) -> [String; 5] {
+    let [csv, fits, ask, trk] = tables(video, scale, points).map(|(_, text)| text);
     [csv, fits, ask, trk, page(source, points)]
 }
 

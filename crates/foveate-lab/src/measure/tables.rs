@@ -11,10 +11,10 @@ use super::smooth::{Smoothed, median};
 use super::trk::trk;
 use super::units::unit;
 
-/// Returns measure.csv, fits.json, ask.csv and measure.trk of at least one point, with their names. measure.trk is in pixels of `video`,
-/// whose pictures were tracked at the given scale, and names it if it is a file.
-pub fn tables(video: Option<(&Path, f64)>, points: &[Measurement]) -> [(&'static str, String); 4] {
-    let texts = [csv(points), json(points), ask_csv(points), trk(video, points)];
+/// Returns measure.csv, fits.json, ask.csv and measure.trk of at least one point, with their names. measure.trk is in pixels of the video,
+/// whose pictures were tracked at this scale, and names `video` if it is a file.
+pub fn tables(video: Option<&Path>, scale: f64, points: &[Measurement]) -> [(&'static str, String); 4] {
+    let texts = [csv(points), json(points), ask_csv(points), trk(video, scale, points)];
     let mut names = ["measure.csv", "fits.json", "ask.csv", "measure.trk"].into_iter();
     texts.map(|text| (names.next().expect("as many"), text))
 }

@@ -16,9 +16,9 @@ const CORNER: f64 = 0.5;
 /// Red, green and blue of the points, in turn.
 const COLOURS: [[u8; 3]; 4] = [[213, 94, 0], [0, 114, 178], [0, 158, 115], [204, 121, 167]];
 
-/// Returns measure.trk, in pixels of the video: `scale` is that of the tracked pictures. Tracker opens the video if it is a file.
-pub(super) fn trk(video: Option<(&Path, f64)>, points: &[Measurement]) -> String {
-    let scale = video.map_or(1.0, |(_, scale)| scale);
+/// Returns measure.trk, in pixels of the video: `scale` is that of the tracked pictures, whose sides are whole numbers of pixels. Tracker
+/// opens the video if it is a file.
+pub(super) fn trk(video: Option<&Path>, scale: f64, points: &[Measurement]) -> String {
     let rows = || points.iter().flat_map(|point| &point.rows);
     let first = rows().map(|row| row.frame).min().unwrap_or(1);
     let frames = rows().map(|row| row.frame).max().unwrap_or(1);
@@ -34,7 +34,7 @@ pub(super) fn trk(video: Option<(&Path, f64)>, points: &[Measurement]) -> String
     xml.object("", "org.opensourcephysics.cabrillo.tracker.TrackerPanel", |xml| {
         xml.value("description", "string", about(points));
         xml.object("videoclip", "org.opensourcephysics.media.core.VideoClip", |xml| {
-            if let Some((video, _)) = video.filter(|(video, _)| video.is_file()) {
+            if let Some(video) = video.filter(|video| video.is_file()) {
                 // Tracker chooses the class by the file.
                 xml.object("video", "org.opensourcephysics.media.xuggle.XuggleVideo", |xml| {
                     let path = std::path::absolute(video).unwrap_or_else(|_| video.to_path_buf());
@@ -194,16 +194,16 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let path = dir.path().join("a & b.mp4");
         std::fs::write(&path, "").expect("written");
-        let text = trk(Some((&path, 1.0)), &falls(None));
+        let text = trk(Some(&path), 1.0, &falls(None));
         assert!(text.contains("/a &amp; b.mp4</property>") && text.contains(">a&lt;b<"), "{text}");
         assert!(text.contains("name=\"[11]\"") && !text.contains("name=\"[12]\""), "frames 13 and 14 are lost");
-        assert!(!trk(None, &falls(None)).contains("\"video\""));
+        assert!(!trk(None, 1.0, &falls(None)).contains("\"video\""));
     }
 
     /// Pictures of half the size show the corner (8, 6) of the video at (4, 3), and half as many pixels per metre.
     #[test]
     fn marks_and_axes_are_in_pixels_of_the_video() {
-        let [whole, half] = [1.0, 0.5].map(|scale| trk(Some((Path::new("none"), scale)), &falls(None)));
+        let [whole, half] = [1.0, 0.5].map(|scale| trk(None, scale, &falls(None)));
         let mut compared = 0;
         for (whole, half) in whole.lines().zip(half.lines()) {
             let number = |line: &str| line.split(['>', '<']).nth(2).and_then(|text| text.parse::<f64>().ok());
@@ -222,7 +222,7 @@ mod tests {
     fn the_origin_follows_the_reference() {
         let at = |(k, p): (usize, Position)| Position { centre: (200.0 + k as f64, 50.0), usable: true, ..p };
         let reference: Vec<Position> = falling(0.0).into_iter().enumerate().map(at).collect();
-        let text = trk(None, &falls(Some(&reference)));
+        let text = trk(None, 1.0, &falls(Some(&reference)));
         assert!(text.contains("\"fixedorigin\" type=\"boolean\">false<"));
         let origins =
             text.lines().filter_map(|line| line.trim().strip_prefix("<property name=\"xorigin\" type=\"double\">"));

@@ -42,7 +42,7 @@ pub(crate) struct Args {
     #[arg(required = true, value_name = "SOURCE")]
     pub(super) sources: Vec<PathBuf>,
     #[command(flatten)]
-    pub(super) input: SourceArgs,
+    pub(crate) input: SourceArgs,
     /// Write one line per frame as it is tracked: JSON or MOTChallenge's text to standard output, or JSON to an address. Other messages
     /// then go to standard error
     #[arg(long, value_name = "json|mot|udp:HOST:PORT", num_args = 0..=1, default_missing_value = "json", value_parser = parse_stream)]
