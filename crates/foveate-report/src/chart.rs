@@ -7,8 +7,8 @@ use crate::escape;
 
 /// Font sizes of title, labels, and ticks and legend.
 const SIZES: [f64; 3] = [16.0, 13.0, 12.0];
-/// Estimated width of a letter relative to its font size; most letters are narrower.
-const LETTER: f64 = 0.6;
+/// Estimated width of a letter relative to its font size; digits and most letters are narrower.
+const LETTER: f64 = 0.7;
 /// Least distance of the ticks of x and y.
 const APART: [f64; 2] = [64.0, 36.0];
 /// Height of a row of the legend, and length of its samples.
@@ -75,9 +75,10 @@ impl Mark {
     pub fn dots(colour: &'static str, radius: f64, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self::new(Shape::Dots { radius }, colour, points)
     }
-    /// Creates the area between two lines: x, low, high.
+    /// Creates the area between two lines: x, low, high. It leaves out values that are not finite.
     pub fn band(colour: &'static str, opacity: f64, edges: impl IntoIterator<Item = (f64, f64, f64)>) -> Self {
-        let edges: Vec<_> = edges.into_iter().collect();
+        let are_finite = |(x, low, high): &(f64, f64, f64)| is_finite(&(*x, *low)) && is_finite(&(*x, *high));
+        let edges: Vec<_> = edges.into_iter().filter(are_finite).collect();
         let low = edges.iter().map(|(x, low, _)| (*x, *low));
         let high = edges.iter().rev().map(|(x, _, high)| (*x, *high));
         Self::new(Shape::Area { opacity }, colour, low.chain(high))
@@ -157,7 +158,7 @@ impl Chart {
         for (value, name) in &x_ticks {
             let at = x(*value);
             let _ = write!(svg, "<path d=\"M{} {top}v{down}\" stroke=\"#cccccc\"/>", short(at));
-            text(&mut svg, [at, bottom + 16.0], SIZES[2], APART[0], "middle", name);
+            text(&mut svg, [at, bottom + 16.0], SIZES[2], APART[0].min(2.0 * (wide - at)), "middle", name);
         }
         for (value, name) in &y_ticks {
             let at = y(*value);
@@ -197,7 +198,8 @@ impl Chart {
 impl Axis {
     /// Returns the ends and the ticks of an axis of these values: at most `most` steps of 1, 2 or 5 times a power of ten.
     fn ticks(&self, values: impl Iterator<Item = f64>, most: f64, whole: bool) -> ([f64; 2], Vec<(f64, String)>) {
-        let [mut low, mut high] = self.ends.unwrap_or_else(|| {
+        let ends = self.ends.filter(|ends| is_finite(&(ends[0], ends[1])));
+        let [mut low, mut high] = ends.unwrap_or_else(|| {
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
         });
         if low > high {
@@ -221,11 +223,11 @@ impl Axis {
         let value = |k: f64| scaled(k * digit, -power);
         let [from, to] = [low, high].map(|end| scaled(end, power) / digit);
         // In spite of rounding errors, an end at a tick has that tick.
-        let [first, last] = match self.ends {
+        let [first, last] = match ends {
             Some(_) => [(from - 1e-6).ceil(), (to + 1e-6).floor()],
             None => [(from + 1e-6).floor(), (to - 1e-6).ceil()],
         };
-        let ends = if self.ends.is_some() { [low, high] } else { [first, last].map(value) };
+        let ends = if ends.is_some() { [low, high] } else { [first, last].map(value) };
         let ticks = (0..=(last - first) as usize).map(|i| value(first + i as f64));
         let ticks = ticks.map(|v| (v, number(v, power)));
         (ends, if self.names.is_empty() { ticks.collect() } else { self.names.clone() })
