@@ -21,7 +21,7 @@ impl<'a, T: Copy> Matrix<'a, T> {
     /// Rows of `columns` values each, one after the other.
     ///
     /// # Panics
-    /// If `data` are not whole rows.
+    /// If `data` are not whole rows, or `columns` is 0.
     pub fn new(data: &'a [T], columns: usize) -> Self {
         assert!(
             columns > 0 && data.len().is_multiple_of(columns),
@@ -43,7 +43,11 @@ impl<'a, T: Copy> Matrix<'a, T> {
     /// If it has fewer.
     #[must_use]
     pub fn columns(self, first: usize, count: usize) -> Self {
-        assert!(first + count <= self.columns, "columns {first} to {} of {}", first + count, self.columns);
+        assert!(
+            count <= self.columns && first <= self.columns - count,
+            "{count} columns from {first} on, of {}",
+            self.columns
+        );
         let data = self.data.get(first * self.across..).unwrap_or_default();
         Self { data, columns: count, ..self }
     }
@@ -106,7 +110,7 @@ fn product_f64(level: Level, left: Matrix<'_, f64>, right: Matrix<'_, f64>, writ
     strips_f64_at(level, left, right, 1.0, out);
 }
 
-/// Checks the sizes.
+/// Checks the sizes, and sets the output to 0 unless the product is added to it.
 fn start<'a, T: Default + Copy>(
     left: &Matrix<'_, T>,
     right: &Matrix<'_, T>,
@@ -401,7 +405,18 @@ mod tests {
         }
     }
 
-    /// Columns of a matrix as a matrix.
+    /// Without rows there is no output; without an inner side it is 0.
+    #[test]
+    fn products_of_nothing_are_nothing_or_zero() {
+        let a = values(7 * 50, 3);
+        let all = Matrix::new(&a, 50);
+        matrix_product(Matrix::new(&[], 50), all.transposed(), 1.0, Write::Replace, &mut []);
+        let mut out = [f32::NAN; 49];
+        matrix_product(all.columns(50, 0), all.columns(0, 0).transposed(), 1.0, Write::Replace, &mut out);
+        assert_eq!(out, [0.0; 49]);
+    }
+
+    /// Columns of a matrix, and of one whose columns are rows, as a matrix.
     #[test]
     fn some_columns_are_taken() {
         let a = values(7 * 50, 3);
@@ -410,5 +425,10 @@ mod tests {
         let left = Matrix::new(&a, 50).columns(13, 20);
         matrix_product(left.transposed(), Matrix::new(&a, 50), 1.0, Write::Replace, &mut some);
         assert_eq!(some, all[13 * 50..33 * 50]);
+        let rows = Matrix::new(&a, 50).transposed().columns(2, 3);
+        let (mut three, mut whole) = (vec![0.0; 3 * 3], vec![0.0; 7 * 7]);
+        matrix_product(rows.transposed(), rows, 1.0, Write::Replace, &mut three);
+        matrix_product(Matrix::new(&a, 50), Matrix::new(&a, 50).transposed(), 1.0, Write::Replace, &mut whole);
+        assert!((0..9).all(|e| three[e] == whole[(2 + e / 3) * 7 + 2 + e % 3]));
     }
 }
