@@ -174,7 +174,7 @@ fn eigenvectors(mut matrix: Vec<f64>, n: usize) -> Option<Vec<(f64, Vec<f64>)>> 
             let b = &mut row[..n];
             for a in before.chunks_exact_mut(n) {
                 let (aa, bb, ab) = (dot(a, a), dot(b, b), dot(a, b));
-                if ab.abs() <= ORTHOGONAL * (aa * bb).sqrt() {
+                if ab.abs() <= ORTHOGONAL * aa.sqrt() * bb.sqrt() {
                     continue;
                 }
                 turned = true;
