@@ -31,7 +31,7 @@ pub fn read_truth(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
     Ok(boxes)
 }
 
-/// The boxes of a text, 0-based; `path` is for the errors, which are those of [`read_boxes`].
+/// The boxes of a text without a byte order mark, 0-based; `path` is for the errors, which are those of [`read_boxes`].
 pub fn parse_boxes(text: &str, path: &Path) -> Result<Vec<Option<BBox>>> {
     parse_lines(text, path, parse_box)
 }

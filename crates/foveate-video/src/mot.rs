@@ -43,7 +43,8 @@ impl Tracks {
         Self::parse(&files::read_text(path, files::TEXT)?, path)
     }
 
-    /// The tracks of a text; `path` is for the errors, which are those of [`Tracks::read`]. Blank lines do not count.
+    /// The tracks of a text without a byte order mark; `path` is for the errors, which are those of [`Tracks::read`]. Blank lines do not
+    /// count.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let filled = lines(text).filter(|(_, line)| !line.is_empty());
         let parsed = filled.map(|(number, line)| parse_line(line).map_err(|problem| at_line(path, number, &problem)));

@@ -166,8 +166,7 @@ impl FactoredRbm {
         self.parameters.sizes()
     }
     /// Computes p(hᶜ = 0 | v), then p(hᵐ = 1 | v), of the selected units, for every row of `v` (m × n_v) into `h` (m ×
-    /// [`FactoredRbm::width`]). Allocates nothing except for a thread's first product; a row's result depends on that row alone, bit for
-    /// bit.
+    /// [`FactoredRbm::width`]). Allocates nothing; a row's result depends on that row alone, bit for bit.
     ///
     /// Deviation: the article uses p(hᶜ = 1), which is high for nearly all units, most of all on flat patches, so that any two glimpses are
     /// alike. A broken relation is rare and therefore informative.
