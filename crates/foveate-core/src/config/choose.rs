@@ -1,6 +1,7 @@
 //! How a configuration is chosen: by profile, by the name of one that ships, or given whole.
 
 use super::Config;
+use super::set::table;
 use foveate_base::{Error, Result};
 
 /// The configurations for any target in real video, by their cost.
@@ -64,9 +65,7 @@ impl Config {
 
     /// The name of its gaze policy.
     pub fn policy_kind(&self) -> String {
-        let text = toml::to_string(&self.policy).unwrap_or_default();
-        let policy: toml::Table = toml::from_str(&text).unwrap_or_default();
-        policy.get("kind").and_then(|kind| kind.as_str()).unwrap_or_default().to_owned()
+        table(&self.policy).get("kind").and_then(|kind| kind.as_str()).unwrap_or_default().to_owned()
     }
 }
 

@@ -11,6 +11,12 @@ pub fn parse<T: DeserializeOwned>(text: &str, name: &str) -> Result<T> {
     toml::from_str(text).map_err(|e| Error::Config(format!("{name}: {}", Config::problem(&e.to_string()))))
 }
 
+/// Settings as a table of TOML.
+pub(super) fn table(settings: &impl Serialize) -> toml::Table {
+    let text = toml::to_string(settings).expect("settings are plain data");
+    toml::from_str(&text).expect("it was just written")
+}
+
 /// The same with one setting changed: `setting` is `key=value`, the key with dots, the value as TOML has it, or a bare word
 /// for a string. Another `kind` of a part begins with that kind's defaults. `none` leaves the key out, as a file that
 /// does not have it.
@@ -29,8 +35,7 @@ pub fn changed<T: Serialize + DeserializeOwned>(settings: &T, setting: &str) -> 
         Err(_) if text.chars().all(|c| c.is_alphanumeric() || "-_:./".contains(c)) => toml::Value::String(text.into()),
         Err(e) => return Err(wrong(e.to_string())),
     };
-    let text = toml::to_string(settings).expect("settings are plain data");
-    let mut whole: toml::Table = toml::from_str(&text).expect("it was just written");
+    let mut whole = table(settings);
     let mut table = &mut whole;
     let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
     for part in path.split('.').filter(|part| !part.is_empty()) {
