@@ -50,7 +50,7 @@ pub fn fit(curve: Curve, points: &[Point]) -> Result<Fitted, String> {
     for correlation in CORRELATIONS {
         let Some(solution) = data.solve(curve, &start, correlation) else { continue };
         start.clone_from(&solution.values);
-        peak = peak.max(data.peak(solution.square, correlation));
+        peak = peak.max(solution.peak);
         if best.as_ref().is_none_or(|best| solution.log_likelihood > best.log_likelihood) {
             best = Some(solution);
         }
@@ -84,7 +84,10 @@ struct Solution {
     /// The sum of squared whitened residuals.
     square: f64,
     correlation: f64,
+    /// The log-likelihood, integrated over the parameters.
     log_likelihood: f64,
+    /// See [`Data::peak`].
+    peak: f64,
 }
 
 impl Data {
@@ -119,9 +122,9 @@ impl Data {
         (0..self.t.len()).map(each).collect()
     }
 
-    /// Returns the largest log-likelihood over the errors' variance, up to a constant: `square` is the sum of squared whitened residuals.
-    fn peak(&self, square: f64, correlation: f64) -> f64 {
-        let log_det: f64 = self.kept(correlation).iter().map(|kept| (1.0 - kept * kept).ln()).sum();
+    /// Returns the largest log-likelihood over the errors' variance, up to a constant: `square` is the sum of squared whitened residuals,
+    /// `log_det` that of [`log_det`].
+    fn peak(&self, square: f64, log_det: f64) -> f64 {
         -0.5 * (self.t.len() as f64 * square.max(f64::MIN_POSITIVE).ln() + log_det)
     }
 
@@ -137,7 +140,7 @@ impl Data {
             let per_level: Vec<f64> = white(self.y[0] - 1.0).iter().zip(&first).map(|(a, b)| a - b).collect();
             let square =
                 product(&first, &first) - product(&first, &per_level).powi(2) / product(&per_level, &per_level);
-            self.peak(square, correlation)
+            self.peak(square, log_det(&kept))
         });
         let (n, constant) = (self.t.len() as f64, constant.into_iter().fold(f64::NEG_INFINITY, f64::max));
         (2.0 * n * ((constant - peak) * (1.0 - parameters as f64 / n)).exp()).min(1.0)
@@ -149,10 +152,16 @@ impl Data {
         let (values, square, normal) = levenberg_marquardt(&residuals, start.to_vec())?;
         let inverse = invert(&normal)?;
         let spare = (self.t.len() - values.len()) as f64;
-        let log_det: f64 = kept.iter().map(|kept| (1.0 - kept * kept).ln()).sum();
+        let log_det = log_det(&kept);
+        let peak = self.peak(square, log_det);
         let log_likelihood = -0.5 * (spare * square.max(f64::MIN_POSITIVE).ln() + log_det + inverse.log_det);
-        Some(Solution { values, inverse, square, correlation, log_likelihood })
+        Some(Solution { values, inverse, square, correlation, log_likelihood, peak })
     }
+}
+
+/// Returns the log determinant of the correlations of errors that keep these shares of the ones before.
+fn log_det(kept: &[f64]) -> f64 {
+    kept.iter().map(|kept| (1.0 - kept * kept).ln()).sum()
 }
 
 /// Minimises the sum of squared residuals. Returns the parameters, the sum, and JᵀJ there; `None` if the sum is not finite.
