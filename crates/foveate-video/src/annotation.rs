@@ -31,7 +31,7 @@ pub fn read_truth(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
     Ok(boxes)
 }
 
-/// The boxes of a text without a byte order mark, 0-based; `path` is for the errors, which are those of [`read_boxes`].
+/// The boxes of a text, 0-based; `path` is for the errors, which are those of [`read_boxes`].
 pub fn parse_boxes(text: &str, path: &Path) -> Result<Vec<Option<BBox>>> {
     parse_lines(text, path, parse_box)
 }
@@ -104,9 +104,10 @@ pub fn format_truth(truth: &[Option<BBox>]) -> String {
     truth.iter().map(line).collect()
 }
 
-/// Lines without the blank ones at the end, trimmed, counted from 1.
+/// Lines without the blank ones at the end, trimmed, counted from 1. The text may come from a caller, with a byte order mark.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    text.trim_end().lines().enumerate().map(|(i, line)| (i + 1, line.trim()))
+    let text = text.trim_start_matches('\u{feff}').trim_end();
+    text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()))
 }
 
 fn parse_box(line: &str) -> std::result::Result<Option<BBox>, String> {
@@ -160,7 +161,7 @@ mod tests {
         for text in [
             "1,2,3,4.5\nNaN,NaN,NaN,NaN\n-5,10,1,0\n",
             "1\t2\t3\t4.5\r\nnan\r\n-5\t10\t1\t0",
-            "1 2  3 4.5 \n\n -5, 10, 1, 0\n\n \n",
+            "\u{feff}1 2  3 4.5 \n\n -5, 10, 1, 0\n\n \n",
             "1;2;3;4.5\n1,nan,3,4\n-5.0,1e1,1,0",
         ] {
             assert_eq!(parse(text).expect(text), wanted, "{text:?}");

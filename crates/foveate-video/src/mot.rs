@@ -43,8 +43,7 @@ impl Tracks {
         Self::parse(&files::read_text(path, files::TEXT)?, path)
     }
 
-    /// The tracks of a text without a byte order mark; `path` is for the errors, which are those of [`Tracks::read`]. Blank lines do not
-    /// count.
+    /// The tracks of a text; `path` is for the errors, which are those of [`Tracks::read`]. Blank lines do not count.
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let filled = lines(text).filter(|(_, line)| !line.is_empty());
         let parsed = filled.map(|(number, line)| parse_line(line).map_err(|problem| at_line(path, number, &problem)));
@@ -149,7 +148,7 @@ mod tests {
         let wanted = vec![s(1, 7, 0.0, 1.0), s(0, -1, -4.0, 0.25)];
         for text in [
             "2,7,1,10.5,3,0\n1,-1,-3,10.5,3,0,0.25\n",
-            "2 7 1 10.5 3 0 1 -1 -1 -1 \r\n\r\n1\t-1\t-3\t10.5\t3\t0\t.25",
+            "\u{feff}2 7 1 10.5 3 0 1 -1 -1 -1 \r\n\r\n1\t-1\t-3\t10.5\t3\t0\t.25",
             "2.0,7e0, 1, 10.5, 3, 0, 1, pedestrian, 0.5\n1;-1;-3;10.5;3;0;0.25;9\n\n",
         ] {
             assert_eq!(parse(text).expect(text).sightings, wanted, "{text:?}");

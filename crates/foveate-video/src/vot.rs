@@ -104,7 +104,7 @@ pub fn read_truth(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
     Ok(boxes)
 }
 
-/// The boxes of a text without a byte order mark; `path` is for the errors, which name the line.
+/// The boxes of a text; `path` is for the errors, which name the line.
 pub fn parse_truth(text: &str, path: &Path) -> Result<Vec<Option<BBox>>> {
     parse_lines(text, path, |line| {
         // A blank line is a frame without a region, as in the other formats.
