@@ -39,6 +39,7 @@ mod triangle;
 mod upright;
 mod vector;
 mod wide;
+mod zeros;
 
 pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};

@@ -1,11 +1,13 @@
 //! Products of matrices.
 //!
 //! A stretch of the inner side at a time, the right matrix is packed in tiles of columns, and a block of rows of the left one
-//! times a tile stays in registers. Sums run over the inner side in one order, so that an entry depends on its own row and
-//! column alone, to the last bit, however many others there are.
+//! times a tile stays in registers. Where most of the left matrix is 0, its rows are multiplied one by one without their zeros.
+//! Sums run over the inner side in one order, so that an entry depends on its own row and column alone, to the last bit, however
+//! many others there are.
 
 use crate::level::{Level, fused, levels, multiply_add};
 use crate::tile::{self, BLOCK, Kernel, Line, TILE};
+use crate::zeros::{self, DEPTH, Present, TOGETHER};
 
 /// A matrix in memory: entry (i, j) is `data[i · down + j · across]`.
 #[derive(Clone, Copy, Debug)]
@@ -72,6 +74,8 @@ struct Out<'a, T> {
 
 /// `out` (m × n) ← or += `factor` · `left` (m × k) · `right` (k × n). Allocates nothing.
 ///
+/// Faster where most of `left` is 0; 0 times what is not finite is NaN or 0.
+///
 /// # Panics
 /// If the sizes do not agree.
 pub fn matrix_product(left: Matrix<'_, f32>, right: Matrix<'_, f32>, factor: f32, write: Write, out: &mut [f32]) {
@@ -125,11 +129,6 @@ fn start<'a, T: Default + Copy>(
     Out { data: out, columns: right.columns, down: right.columns, across: 1 }
 }
 
-/// Values of the inner side that are packed at a time.
-const DEPTH: usize = 256;
-/// Rows of the left matrix that are at hand at a time.
-const TOGETHER: usize = 16 * BLOCK;
-
 #[inline(always)]
 fn tiles_body<const V: u8>(
     kernel: Kernel,
@@ -138,24 +137,20 @@ fn tiles_body<const V: u8>(
     factor: f32,
     mut out: Out<'_, f32>,
 ) {
-    let mut lines = [Line([0; 16]); 4 * DEPTH];
-    let tiles = || (0..right.columns).step_by(TILE);
+    let mut work = Work { kernel, lines: [Line([0; 16]); 4 * DEPTH], present: Present::NONE };
     // Stretches of about one length.
     let stretches = left.columns.div_ceil(DEPTH);
     for stretch in 0..stretches {
         let first = stretch * left.columns / stretches;
         let depth = (stretch + 1) * left.columns / stretches - first;
-        let lines = &mut lines[..4 * depth];
         // Packing the tile or taking up the rows: what takes longer is done once.
         if left.across == 1 {
-            let words = bits(left.data);
-            for column in tiles() {
-                pack(right, first, column, lines);
-                for row in (0..left.rows).step_by(BLOCK) {
-                    let rows = BLOCK.min(left.rows - row);
-                    let words = &words[row * left.down + first..];
-                    multiply(kernel, (rows, left.down), words, lines, factor, (row, column), &mut out);
-                }
+            let words = bits(left.data).get(first..).unwrap_or_default();
+            let whole = zeros::split(words, left.down, left.rows, depth) == 0;
+            let together = if whole { left.rows.max(1) } else { TOGETHER };
+            for from in (0..left.rows).step_by(together) {
+                let (words, count) = (&words[from * left.down..], together.min(left.rows - from));
+                work.multiply::<V>((words, left.down), (first, depth), right, factor, (from, count), &mut out);
             }
         } else {
             let mut words = [0; TOGETHER * DEPTH];
@@ -164,13 +159,47 @@ fn tiles_body<const V: u8>(
                 turn(&left.data[first * left.across + from..], left.across, (depth, count), |row, k, values| {
                     words[row * depth + k..][..values.len()].copy_from_slice(values);
                 });
-                for column in tiles() {
-                    pack(right, first, column, lines);
-                    for row in (0..count).step_by(BLOCK) {
-                        let (rows, words) = (BLOCK.min(count - row), &words[row * depth..]);
-                        multiply(kernel, (rows, depth), words, lines, factor, (from + row, column), &mut out);
-                    }
+                work.multiply::<V>((&words, depth), (first, depth), right, factor, (from, count), &mut out);
+            }
+        }
+    }
+}
+
+/// Scratch of a product.
+struct Work {
+    kernel: Kernel,
+    lines: [Line; 4 * DEPTH],
+    present: Present,
+}
+
+impl Work {
+    /// Adds the product of rows `from ..`, whose words begin every `stride`, and columns, both of a stretch.
+    #[inline(always)]
+    fn multiply<const V: u8>(
+        &mut self,
+        (words, stride): (&[u32], usize),
+        (first, depth): (usize, usize),
+        right: Matrix<'_, f32>,
+        factor: f32,
+        (from, count): (usize, usize),
+        out: &mut Out<'_, f32>,
+    ) {
+        let Self { kernel, lines, present } = self;
+        let lines = &mut lines[..4 * depth];
+        present.find(words, stride, count, depth);
+        let split = present.split;
+        for column in (0..right.columns).step_by(TILE) {
+            pack(right, first, column, lines);
+            for row in (0..count).step_by(BLOCK) {
+                let (rows, words) = (BLOCK.min(count - row), &words[row * stride..]);
+                let mut sums = [[0.0; TILE]; BLOCK];
+                if split == 0 {
+                    tile::multiply::<false>(*kernel, rows, stride, words, lines, &mut sums);
+                } else {
+                    present.multiply::<V>((row, rows), stride, words, lines, &mut sums);
+                    tile::multiply::<true>(*kernel, rows, stride, &words[split..], &lines[4 * split..], &mut sums);
                 }
+                add(&sums[..rows], factor, (from + row, column), out);
             }
         }
     }
@@ -237,21 +266,11 @@ fn bits(values: &[f32]) -> &[u32] {
     unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), values.len()) }
 }
 
-/// Adds the product of a block of rows and a tile to `out` from (row, column) on.
+/// Adds the sums of a block of rows and a tile, times `factor`, to `out` from (row, column) on.
 #[inline(always)]
-fn multiply(
-    kernel: Kernel,
-    (rows, stride): (usize, usize),
-    words: &[u32],
-    lines: &[Line],
-    factor: f32,
-    (row, column): (usize, usize),
-    out: &mut Out<'_, f32>,
-) {
+fn add(sums: &[[f32; TILE]], factor: f32, (row, column): (usize, usize), out: &mut Out<'_, f32>) {
     let width = TILE.min(out.columns - column);
-    let mut sums = [[0.0; TILE]; BLOCK];
-    tile::multiply(kernel, rows, stride, words, lines, &mut sums);
-    for (r, sums) in sums[..rows].iter().enumerate() {
+    for (r, sums) in sums.iter().enumerate() {
         let out_row = &mut out.data[(row + r) * out.down + column * out.across..];
         if let (1, Some(whole)) = (out.across, out_row.first_chunk_mut::<TILE>().filter(|_| width == TILE)) {
             whole.iter_mut().zip(sums).for_each(|(o, s)| *o += factor * s);
@@ -399,6 +418,36 @@ mod tests {
                             let exact: f64 = (0..k).map(|l| a[e / n * k + l] * b[l * n + e % n]).sum();
                             assert!((got - 2.0 * exact).abs() < 1e-12 * k as f64, "{level:?} {m} x {k} x {n}");
                         }
+                    }
+                }
+            }
+        }
+    }
+
+    /// A row alone is multiplied with all of its zeros.
+    #[test]
+    fn zeros_that_are_left_out_change_no_bit() {
+        for (m, k, n) in [(100, 784, 500), (133, 200, 70), (784, 200, 65), (7, 16, 17), (300, 257, 64)] {
+            let b = values(k * n, 2);
+            for ones in [false, true] {
+                // Few in the first half, all in the third quarter, none in the last.
+                let there = |(e, a): (usize, f32)| match 4 * (e % k) / k {
+                    0 | 1 if a > 0.2 => 0.0,
+                    3 => 0.0,
+                    _ if ones => 1.0,
+                    _ => a,
+                };
+                let a: Vec<f32> = values(m * k, 1).into_iter().enumerate().map(there).collect();
+                let at = turned(&a, k);
+                for level in Level::all() {
+                    let mut alone = vec![0.0; m * n];
+                    for (row, alone) in a.chunks_exact(k).zip(alone.chunks_exact_mut(n)) {
+                        product(level, Matrix::new(row, k), Matrix::new(&b, n), 1.0, Write::Replace, alone);
+                    }
+                    for left in [Matrix::new(&a, k), Matrix::new(&at, m).transposed()] {
+                        let mut out = vec![f32::NAN; m * n];
+                        product(level, left, Matrix::new(&b, n), 1.0, Write::Replace, &mut out);
+                        assert!(out == alone, "{level:?} {m} x {k} x {n}");
                     }
                 }
             }

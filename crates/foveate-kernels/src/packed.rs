@@ -210,7 +210,7 @@ impl PackedWeights {
                 end.tile(t * TILE);
                 for first in (0..rows).step_by(BLOCK) {
                     let block = BLOCK.min(rows - first);
-                    tile::multiply(kernel, block, depth, &words[first * depth..], lines, &mut sums);
+                    tile::multiply::<false>(kernel, block, depth, &words[first * depth..], lines, &mut sums);
                     end.take::<V>(first, &sums[..block]);
                 }
             }

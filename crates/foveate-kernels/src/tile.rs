@@ -28,7 +28,14 @@ pub(crate) enum Kernel {
 
 /// Sums for the `rows` (1 to 6) glimpses in `words`.
 #[inline]
-pub(crate) fn multiply(kernel: Kernel, rows: usize, stride: usize, words: &[u32], lines: &[Line], sums: &mut Sums) {
+pub(crate) fn multiply<const ADD: bool>(
+    kernel: Kernel,
+    rows: usize,
+    stride: usize,
+    words: &[u32],
+    lines: &[Line],
+    sums: &mut Sums,
+) {
     assert!((1..=BLOCK).contains(&rows));
     // The remainders of a block run as 3, 2 and 1 rows: a row's sums are the same in any of them.
     let mut done = 0;
@@ -39,17 +46,23 @@ pub(crate) fn multiply(kernel: Kernel, rows: usize, stride: usize, words: &[u32]
         };
         let (words, sums) = (&words[done * stride..], &mut sums[done..done + step]);
         match step {
-            6 => fixed::<6>(kernel, stride, words, lines, sums),
-            3 => fixed::<3>(kernel, stride, words, lines, sums),
-            2 => fixed::<2>(kernel, stride, words, lines, sums),
-            _ => fixed::<1>(kernel, stride, words, lines, sums),
+            6 => fixed::<6, ADD>(kernel, stride, words, lines, sums),
+            3 => fixed::<3, ADD>(kernel, stride, words, lines, sums),
+            2 => fixed::<2, ADD>(kernel, stride, words, lines, sums),
+            _ => fixed::<1, ADD>(kernel, stride, words, lines, sums),
         }
         done += step;
     }
 }
 
 #[inline]
-fn fixed<const ROWS: usize>(kernel: Kernel, stride: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]]) {
+fn fixed<const ROWS: usize, const ADD: bool>(
+    kernel: Kernel,
+    stride: usize,
+    words: &[u32],
+    lines: &[Line],
+    sums: &mut [[f32; TILE]],
+) {
     let depth = lines.len() / 4;
     let sums: &mut [[f32; TILE]; ROWS] = sums.try_into().expect("one row of sums for each row of words");
     assert!(lines.len() == 4 * depth && words.len() >= (ROWS - 1) * stride + depth);
@@ -58,27 +71,32 @@ fn fixed<const ROWS: usize>(kernel: Kernel, stride: usize, words: &[u32], lines:
         Kernel::Bf16 => {
             assert_eq!(Level::best(), Level::Avx512Dots);
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
-            return unsafe { x86::bf16(stride, words, lines, sums) };
+            return unsafe { x86::bf16::<ROWS, ADD>(stride, words, lines, sums) };
         }
         Kernel::F32(level) if level >= Level::Avx512 && level <= Level::best() => {
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
-            return unsafe { x86::f32_avx512(stride, words, lines, sums) };
+            return unsafe { x86::f32_avx512::<ROWS, ADD>(stride, words, lines, sums) };
         }
         Kernel::F32(level) if level >= Level::Avx2 && level <= Level::best() => {
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
-            return unsafe { x86::f32_avx2(stride, words, lines, sums) };
+            return unsafe { x86::f32_avx2::<ROWS, ADD>(stride, words, lines, sums) };
         }
         _ => {}
     }
     assert!(kernel != Kernel::Bf16, "only x86-64 has the bf16 kernel");
-    portable(stride, words, lines, sums);
+    portable::<ROWS, ADD>(stride, words, lines, sums);
 }
 
 /// The plain twin of the f32 kernels.
-fn portable<const ROWS: usize>(stride: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]; ROWS]) {
+fn portable<const ROWS: usize, const ADD: bool>(
+    stride: usize,
+    words: &[u32],
+    lines: &[Line],
+    sums: &mut [[f32; TILE]; ROWS],
+) {
     for (r, sums) in sums.iter_mut().enumerate() {
         for (quarter, sums) in sums.as_chunks_mut::<16>().0.iter_mut().enumerate() {
-            let mut sum = [0.0; 16];
+            let mut sum = if ADD { *sums } else { [0.0; 16] };
             for (&word, lines) in words[r * stride..].iter().zip(lines.as_chunks::<4>().0) {
                 let value = f32::from_bits(word);
                 for (sum, &w) in sum.iter_mut().zip(&lines[quarter].0) {
@@ -102,13 +120,19 @@ mod x86 {
             /// # Safety
             /// `lines` must hold 4 × depth lines, and `words` depth words at each of ROWS multiples of `stride`.
             #[target_feature(enable = $features)]
-            pub(super) unsafe fn $name<const ROWS: usize>(
+            pub(super) unsafe fn $name<const ROWS: usize, const ADD: bool>(
                 stride: usize,
                 words: &[u32],
                 lines: &[Line],
                 sums: &mut [[f32; TILE]; ROWS],
             ) {
                 let mut acc = [[_mm512_setzero_ps(); 4]; ROWS];
+                for (acc, sums) in acc.iter_mut().zip(&*sums).filter(|_| ADD) {
+                    for (acc, sums) in acc.iter_mut().zip(sums.as_chunks::<16>().0) {
+                        // SAFETY: `sums` is 16 f32.
+                        *acc = unsafe { _mm512_loadu_ps(sums.as_ptr()) };
+                    }
+                }
                 let (mut word, mut line) = (words.as_ptr(), lines.as_ptr());
                 for _ in 0..lines.len() / 4 {
                     // SAFETY: `word` runs over the first row, so `word + r × stride` over row r < ROWS; `line`
@@ -146,7 +170,7 @@ mod x86 {
     /// # Safety
     /// `lines` must hold 4 × depth lines, and `words` depth words at each of ROWS multiples of `stride`.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) unsafe fn f32_avx2<const ROWS: usize>(
+    pub(super) unsafe fn f32_avx2<const ROWS: usize, const ADD: bool>(
         stride: usize,
         words: &[u32],
         lines: &[Line],
@@ -154,6 +178,12 @@ mod x86 {
     ) {
         for quarter in 0..4 {
             let mut acc = [[_mm256_setzero_ps(); 2]; ROWS];
+            for (acc, sums) in acc.iter_mut().zip(&*sums).filter(|_| ADD) {
+                for (acc, sums) in acc.iter_mut().zip(sums[16 * quarter..][..16].as_chunks::<8>().0) {
+                    // SAFETY: `sums` is 8 f32.
+                    *acc = unsafe { _mm256_loadu_ps(sums.as_ptr()) };
+                }
+            }
             for k in 0..lines.len() / 4 {
                 // SAFETY: row r < ROWS has a word k < depth at r × stride + k, and 4 × k + quarter < 4 × depth; a line is two registers.
                 unsafe {
