@@ -192,8 +192,9 @@ impl Places {
                 let above = plane.data.as_ptr();
                 let below = above.add(plane.stride);
                 let pairs = |row: *const f32, i: usize| {
-                    let pair = |i: usize| row.add(self.at[four + i] as usize).cast::<f64>();
-                    _mm_castpd_ps(_mm_loadh_pd(_mm_load_sd(pair(i)), pair(i + 1)))
+                    // `_mm_load_sd` would demand the alignment of a double.
+                    let pair = |i: usize| row.add(self.at[four + i] as usize).cast::<f64>().read_unaligned();
+                    _mm_castpd_ps(_mm_setr_pd(pair(i), pair(i + 1)))
                 };
                 let mix = |fraction: __m128, from: __m128, to: __m128| match V {
                     0 => _mm_add_ps(_mm_mul_ps(fraction, _mm_sub_ps(to, from)), from),
