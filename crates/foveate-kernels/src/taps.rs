@@ -16,13 +16,17 @@ use crate::{level::AVX512, upright::Grid};
 /// 4: 1.1 ns a cell block by block, 0.65 ns this way).
 const BLOCKS: usize = 16;
 
+/// Samples of a plane: as f32, every index of a column is below 2^31.
+const MOST: usize = (1 << 31) - 128;
+const _: () = assert!((MOST as f32) < (1u32 << 31) as f32);
+
 levels! {
     /// `out[i]` ← the plane at the image of (`du[i]`, `dv[i]`) under `map` = \[cx, cy, ux, uy, vx, vy\].
     ///
     /// A coordinate that is not a number reads the plane's first column or row.
     ///
     /// # Panics
-    /// If the plane is empty, its data too short or longer than 2^31, or `du`, `dv` and `out` differ in length.
+    /// If the plane is empty, its data too short or longer than 2^31 − 128, or `du`, `dv` and `out` differ in length.
     pub fn taps / taps_at (plane: Plane<'_>, map: [f32; 6], du: &[f32], dv: &[f32], out: &mut [f32]) = taps_body
 }
 
@@ -115,7 +119,7 @@ impl Plane<'_> {
     fn check(&self) {
         let &Self { data, width, height, stride, .. } = self;
         assert!(width > 0 && height > 0 && stride >= width, "a plane of {width} x {height}, rows {stride} apart");
-        assert!(data.len() <= i32::MAX as usize, "a plane of more than 2^31 samples");
+        assert!(data.len() <= MOST, "a plane of more than {MOST} samples");
         assert!(
             (height - 1).checked_mul(stride).is_some_and(|n| n + width <= data.len()),
             "the plane's data end too soon"
