@@ -276,6 +276,7 @@ fn main() {
         for (name, packed, peak) in [
             ("f32", PackedWeights::f32(n_v, n_h, &w), f32_peak),
             ("bf16", PackedWeights::bf16(n_v, n_h, &w), bf16_peak),
+            ("int8", PackedWeights::int8(n_v, n_h, &w), None),
         ] {
             report(&format!("features {name}, {n} x 240 x 500"), flops, "flop", peak, || {
                 packed.features(black_box(&v), &bias, &mut h)

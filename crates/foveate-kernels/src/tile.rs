@@ -24,6 +24,8 @@ pub(crate) enum Kernel {
     F32(Level),
     /// Two bf16 and their instruction; without it bf16 values are held as f32 and `F32` multiplies them.
     Bf16,
+    /// Four bytes, those of lines with a sign, and their instruction; the same holds without it. Sums are i32.
+    Int8,
 }
 
 /// Sums for the `rows` (1 to 6) glimpses in `words`.
@@ -73,6 +75,11 @@ fn fixed<const ROWS: usize, const ADD: bool>(
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
             return unsafe { x86::bf16::<ROWS, ADD>(stride, words, lines, sums) };
         }
+        Kernel::Int8 => {
+            assert_eq!(Level::best(), Level::Avx512Dots);
+            // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
+            return unsafe { x86::int8::<ROWS, ADD>(stride, words, lines, sums) };
+        }
         Kernel::F32(level) if level >= Level::Avx512 && level <= Level::best() => {
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
             return unsafe { x86::f32_avx512::<ROWS, ADD>(stride, words, lines, sums) };
@@ -83,7 +90,7 @@ fn fixed<const ROWS: usize, const ADD: bool>(
         }
         _ => {}
     }
-    assert!(kernel != Kernel::Bf16, "only x86-64 has the bf16 kernel");
+    assert!(matches!(kernel, Kernel::F32(_)), "only x86-64 has the other kernels");
     portable::<ROWS, ADD>(stride, words, lines, sums);
 }
 
@@ -114,7 +121,7 @@ mod x86 {
     use std::arch::x86_64::*;
     use std::mem::transmute;
 
-    /// The two AVX-512 kernels differ in the instruction that adds word × line to a sum.
+    /// The AVX-512 kernels differ in the instruction that adds word × line to a sum.
     macro_rules! kernel_512 {
         ($name:ident, $features:literal, |$value:ident, $line:ident, $sum:ident| $step:expr) => {
             /// # Safety
@@ -165,6 +172,11 @@ mod x86 {
     kernel_512!(bf16, "avx512f,avx512bf16", |value, line, sum| {
         // Both are 64 bytes of plain numbers.
         _mm512_dpbf16_ps(sum, transmute::<__m512i, __m512bh>(value), transmute::<__m512, __m512bh>(line))
+    });
+
+    kernel_512!(int8, "avx512f,avx512vnni", |value, line, sum| {
+        let (sum, line) = (_mm512_castps_si512(sum), _mm512_castps_si512(line));
+        _mm512_castsi512_ps(_mm512_dpbusd_epi32(sum, value, line))
     });
 
     /// # Safety

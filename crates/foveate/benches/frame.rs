@@ -216,7 +216,7 @@ fn now() -> f64 {
 
 fn main() {
     let frames = std::env::args().filter_map(|a| a.parse().ok()).next().unwrap_or(201);
-    for (name, precision) in [("f32", Precision::F32), ("bf16", Precision::Bf16)] {
+    for (name, precision) in [("f32", Precision::F32), ("bf16", Precision::Bf16), ("int8", Precision::Int8)] {
         for n in [100, 500, 1000] {
             let time = frame(n, precision, frames).expect("the parts fit");
             println!(

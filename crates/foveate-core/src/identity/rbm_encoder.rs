@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::encoder::{Channels, Encoder};
 
-/// How an RBM's weights and glimpses are rounded before they are multiplied; products are added in f32 either way.
+/// How an RBM's weights and glimpses are rounded before they are multiplied.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {
@@ -16,6 +16,8 @@ pub enum Precision {
     /// 8 significant bits. Features differ by 4e-4 (root mean square). Faster on processors with bf16.
     #[default]
     Bf16,
+    /// Bytes. Features differ by 6e-4. Fastest with VNNI.
+    Int8,
 }
 
 /// The activation probabilities of an RBM's hidden units.
@@ -45,6 +47,7 @@ impl RbmEncoder {
         let precision = match self.packed.precision() {
             kernels::Precision::F32 => Precision::F32,
             kernels::Precision::Bf16 => Precision::Bf16,
+            kernels::Precision::Int8 => Precision::Int8,
         };
         Self { rbm, ..self.clone() }.rounded(precision)
     }
@@ -55,6 +58,7 @@ impl RbmEncoder {
         let packed = match precision {
             Precision::F32 => kernels::PackedWeights::f32(n_v, n_h, weights),
             Precision::Bf16 => kernels::PackedWeights::bf16(n_v, n_h, weights),
+            Precision::Int8 => kernels::PackedWeights::int8(n_v, n_h, weights),
         };
         Self { packed, ..self }
     }

@@ -8,18 +8,31 @@ fn weights(n: usize) -> Vec<f32> {
 }
 
 fn every_kind() -> impl Iterator<Item = (Level, Precision)> {
-    Level::all().flat_map(|level| [(level, Precision::F32), (level, Precision::Bf16)])
+    Level::all()
+        .flat_map(|level| [Precision::F32, Precision::Bf16, Precision::Int8].map(|precision| (level, precision)))
 }
 
-/// Features in f64 of rounded inputs, and in f64 of the inputs themselves.
-fn truth(glimpse: &[f32], w: &[f32], bias: &[f32], rounded: bool) -> Vec<f64> {
-    let round = |x: f32| if rounded { f32::from_bits(round_to_bf16(x)) as f64 } else { x as f64 };
-    let (n_h, scale) = (bias.len(), TO_EXP2 as f64);
+/// Features in f64 of rounded inputs.
+fn truth(glimpse: &[f32], w: &[f32], bias: &[f32], precision: Precision) -> Vec<f64> {
+    let (n_h, scale) = (bias.len(), f64::from(TO_EXP2));
+    let [least, step] = steps_of(glimpse).map(f64::from);
     (0..n_h)
         .map(|j| {
-            let x: f64 =
-                glimpse.iter().enumerate().map(|(i, &v)| round(v) * round(TO_EXP2 * w[i * n_h + j]) / scale).sum();
-            1.0 / (1.0 + (-x - bias[j] as f64).exp())
+            let column: Vec<f64> = w.iter().skip(j).step_by(n_h).map(|w| f64::from(TO_EXP2 * w)).collect();
+            let most = column.iter().fold(0.0f64, |most, w| most.max(w.abs()));
+            let product = |(&v, &w): (&f32, &f64)| match precision {
+                Precision::F32 => f64::from(v) * w,
+                Precision::Bf16 => {
+                    let round = |x: f32| f64::from(f32::from_bits(round_to_bf16(x)));
+                    round(v) * round(w as f32)
+                }
+                Precision::Int8 => {
+                    let whole = f64::from(byte(v, steps_of(glimpse)));
+                    least * w + if most > 0.0 { step * whole * (w / most * 127.0).round() * most / 127.0 } else { 0.0 }
+                }
+            };
+            let x: f64 = glimpse.iter().zip(&column).map(product).sum();
+            1.0 / (1.0 + (-x / scale - f64::from(bias[j])).exp())
         })
         .collect()
 }
@@ -33,9 +46,8 @@ fn features_agree_with_f64() {
             let packed = PackedWeights::new(level, precision, n_v, n_h, &w);
             let mut h = vec![f32::NAN; n * n_h];
             packed.features(&glimpses, &bias, &mut h);
-            let rounded = precision == Precision::Bf16;
             for (glimpse, h) in glimpses.chunks(n_v).zip(h.chunks(n_h)) {
-                for (&h, truth) in h.iter().zip(truth(glimpse, &w, &bias, rounded)) {
+                for (&h, truth) in h.iter().zip(truth(glimpse, &w, &bias, precision)) {
                     let error = (h as f64 - truth).abs();
                     assert!(error < 2e-6, "{level:?} {precision:?} {n} x {n_v} x {n_h}: {h}, not {truth}");
                 }
@@ -44,24 +56,48 @@ fn features_agree_with_f64() {
     }
 }
 
-/// The bound that `PackedWeights::bf16` states, and the typical error.
+/// The bounds that `PackedWeights::bf16` and `int8` state, and the typical errors.
 #[test]
-fn bf16_is_as_accurate_as_stated() {
+fn rounded_features_are_as_accurate_as_stated() {
     let (n, n_v, n_h) = (12, 240, 500);
     let (glimpses, w, bias) = (values(n * n_v, 4), weights(n_v * n_h), vec![0.0; n_h]);
-    let mut h = vec![0.0; n * n_h];
-    PackedWeights::bf16(n_v, n_h, &w).features(&glimpses, &bias, &mut h);
-    let mut square = 0.0;
-    for (glimpse, h) in glimpses.chunks(n_v).zip(h.chunks(n_h)) {
-        for (j, (&h, truth)) in h.iter().zip(truth(glimpse, &w, &bias, false)).enumerate() {
-            let error = (h as f64 - truth).abs();
-            let terms = glimpse.iter().enumerate().map(|(i, v)| (v * w[i * n_h + j]).abs() as f64);
-            // A logistic's slope is at most a quarter.
-            assert!(error < terms.sum::<f64>() / 256.0 / 4.0 + 1e-6);
-            square += error * error / (n * n_h) as f64;
+    for (packed, most) in [(PackedWeights::bf16(n_v, n_h, &w), 4e-4), (PackedWeights::int8(n_v, n_h, &w), 8e-4)] {
+        let mut h = vec![0.0; n * n_h];
+        packed.features(&glimpses, &bias, &mut h);
+        let mut square = 0.0;
+        for (glimpse, h) in glimpses.chunks(n_v).zip(h.chunks(n_h)) {
+            let [least, step] = steps_of(glimpse).map(f64::from);
+            for (j, (&h, truth)) in h.iter().zip(truth(glimpse, &w, &bias, Precision::F32)).enumerate() {
+                let error = (h as f64 - truth).abs();
+                let column = || w.iter().skip(j).step_by(n_h).map(|&w| f64::from(w).abs());
+                let half = column().fold(0.0, f64::max) / 127.0 / 2.0;
+                let bound = |(&v, w): (&f32, f64)| match packed.precision() {
+                    Precision::Int8 => step / 2.0 * (w + half) + (f64::from(v) - least) * half,
+                    _ => f64::from(v).abs() * w / 256.0,
+                };
+                // A logistic's slope is at most a quarter.
+                assert!(error < glimpse.iter().zip(column()).map(bound).sum::<f64>() / 4.0 + 1e-6);
+                square += error * error / (n * n_h) as f64;
+            }
         }
+        assert!(square.sqrt() < most, "{:?}: root mean square error {}", packed.precision(), square.sqrt());
     }
-    assert!(square.sqrt() < 4e-4, "root mean square error {}", square.sqrt());
+}
+
+/// Sums of whole numbers are the same at every level; what is fused after them moves the last bits.
+#[test]
+fn bytes_and_whole_numbers_in_f32_have_the_same_sums() {
+    let (n_v, n_h) = (518, 70);
+    let (glimpses, w, bias) = (values(9 * n_v, 4), weights(n_v * n_h), vec![0.0; n_h]);
+    let features = |level| {
+        let mut h = vec![0.0; 9 * n_h];
+        PackedWeights::new(level, Precision::Int8, n_v, n_h, &w).features(&glimpses, &bias, &mut h);
+        h
+    };
+    let portable = features(Level::Portable);
+    for level in Level::all() {
+        assert!(features(level).iter().zip(&portable).all(|(h, p)| (h - p).abs() < 3e-7), "{level:?}");
+    }
 }
 
 #[test]
@@ -110,6 +146,8 @@ fn infinite_sums_saturate_and_nan_stays() {
         let mut h = [0.0; 3];
         packed.features(&[1e30], &[0.0, 0.0, f32::NAN], &mut h);
         assert!(h[0] == 1.0 && h[1] < 5e-39 && h[2].is_nan(), "{level:?} {precision:?}: {h:?}");
+        packed.features(&[f32::NAN], &[0.0; 3], &mut h);
+        assert!(h.iter().all(|h| h.is_nan()), "{level:?} {precision:?}: {h:?}");
         let (mut total, mut overlap) = ([0.0], [0.0]);
         packed.overlaps(&[1e30], &[0.0; 3], &[1.0; 3], &mut total, &mut overlap);
         assert!((total[0] - 1.5).abs() < 1e-6 && (overlap[0] - (1.0 + 0.5f32.sqrt())).abs() < 1e-6);

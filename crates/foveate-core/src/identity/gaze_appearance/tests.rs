@@ -49,7 +49,7 @@ fn distances(it: &mut GazeAppearance, states: &[State], threads: usize) -> Vec<f
 /// To the bit: neither the threads nor the other particles change a distance.
 #[test]
 fn a_distance_depends_on_its_state_alone() {
-    for precision in [Precision::F32, Precision::Bf16] {
+    for precision in [Precision::F32, Precision::Bf16, Precision::Int8] {
         for kind in [Kind::Bhattacharyya, Kind::Cosine] {
             let (mut it, states) = (appearance(precision, kind), states());
             let together = distances(&mut it, &states, 1);
@@ -100,7 +100,7 @@ fn ways_to_a_distance_agree() {
     let mut exact = appearance(Precision::F32, Kind::BhattacharyyaSquared);
     let (states, mut percept) = (states(), Percept::default());
     let unrounded = distances(&mut exact, &states, 1);
-    for precision in [Precision::F32, Precision::Bf16] {
+    for precision in [Precision::F32, Precision::Bf16, Precision::Int8] {
         let mut it = appearance(precision, Kind::BhattacharyyaSquared);
         let together = distances(&mut it, &states, 1);
         for ((state, d), unrounded) in states.iter().zip(&together).zip(&unrounded) {
