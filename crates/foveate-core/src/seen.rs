@@ -159,12 +159,6 @@ pub fn credible(share: f64) -> f64 {
     stretch() * student(share)
 }
 
-/// Returns the logarithm of the density of an error of place at this squared Mahalanobis distance, up to a constant and half the logarithm
-/// of the covariance's determinant.
-pub fn log_density(squares: f64) -> f64 {
-    -(0.5 * FREEDOM + 1.0) * (squares / (stretch() * FREEDOM)).ln_1p()
-}
-
 /// Returns the squared radius that contains a share of a bivariate Student distribution of scale 1.
 fn student(share: f64) -> f64 {
     FREEDOM * ((1.0 - share).powf(-2.0 / FREEDOM) - 1.0)

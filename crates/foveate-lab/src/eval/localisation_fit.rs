@@ -3,14 +3,18 @@
 use super::confidence::{Judged, Judgement, REGIONS, coverage};
 use foveate_base::{Error, Result};
 use foveate_core::control::{ConfidenceModel, Localisation};
-use foveate_core::seen::log_density;
 
 /// The first and the last step of the search, as logarithms of a factor.
 const STEPS: [f64; 2] = [1.0, 0.01];
+/// Frames are put in this many groups of equal size.
+const GROUPS: usize = 20;
+/// How much a miss of each of [`REGIONS`] counts: errors of sharp targets are normal, those of others have a Student distribution, and one
+/// size of regions serves both at 90 %.
+const WEIGHTS: [f64; 2] = [1.0, 4.0];
 
-/// Fits the localisation on these tracks; everything else stays, so that a tracker with the new model makes the same boxes. Without box
-/// regression that is the localisation noise; with box regression, the localisation under which the true centres are most likely, times a
-/// factor. Noise and factor are those for which the 50 and 90 % regions come closest to holding 50 and 90 % of the frames on the target.
+/// Fits the localisation on these tracks; everything else stays, so that a tracker with the new model makes the same boxes. The 50 and 90 %
+/// regions come as close as they can to holding 50 and 90 % of the frames on the target, at every expected error of the box regression and
+/// every effective sample size. Without box regression only the localisation noise is fitted.
 ///
 /// # Errors
 /// No frame is on the target.
@@ -20,62 +24,43 @@ pub fn fit_localisation(tracks: &[&Judgement], model: &ConfidenceModel) -> Resul
     if on.is_empty() {
         return Err(Error::Invalid("a localisation needs frames on the target; these tracks have none".into()));
     }
+    let groups = [groups(&on, expected), groups(&on, |j| j.place.ess)].concat();
     let miss = |model: &ConfidenceModel| -> f64 {
-        REGIONS.iter().map(|p| (coverage(on.iter().map(|j| j.located(model)), *p) - p).powi(2)).sum()
+        let of = |group: &Vec<Judged>, p: f64| (coverage(group.iter().map(|j| j.located(model)), p) - p).powi(2);
+        groups.iter().flat_map(|group| REGIONS.iter().zip(WEIGHTS).map(move |(&p, weight)| weight * of(group, p))).sum()
     };
-    // A factor of 2 % a step.
-    let factors = |from: i32, to: i32| (from..=to).map(|k| (0.02 * f64::from(k)).exp());
     if on.iter().all(|j| j.place.errors == [0.0; 2]) {
-        let with = |localisation_noise| ConfidenceModel { localisation_noise, ..model.clone() };
-        let noises = std::iter::once(0.0).chain(factors(-230, 70)).map(rounded);
-        return Ok(closest(noises.map(with), miss));
+        let with = |logs: &[f64; 1]| ConfidenceModel { localisation_noise: rounded(logs[0].exp()), ..model.clone() };
+        return Ok(with(&lowest([-2.0], |logs| miss(&with(logs)))));
     }
-    let of = |logs: &[f64; 5]| ConfidenceModel {
-        localisation: localisation(logs, model.localisation.speed),
-        localisation_noise: 0.0,
-        ..model.clone()
+    let with = |logs: &[f64; 6]| {
+        let [belief, borders, pixels, lone, sharp, localisation_noise] = logs.map(|log| rounded(log.exp()));
+        // The share of the speed follows from exposure times.
+        let speed = model.localisation.speed;
+        let localisation = Localisation { belief, borders, pixels, lone, sharp: sharp.min(1.0), speed };
+        ConfidenceModel { localisation, localisation_noise, ..model.clone() }
     };
-    let likelihood = |logs: &[f64; 5]| {
-        let model = of(logs);
-        let terms = on.iter().filter_map(|j| j.located(&model).squares());
-        terms.map(|(squares, determinant)| log_density(squares) - 0.5 * determinant.ln()).sum::<f64>()
-    };
-    let best = highest([0.0f64, 1.0, -1.0, -2.0, -3.5], likelihood);
-    let with = |factor: f64| ConfidenceModel { localisation: scaled(&of(&best).localisation, factor), ..of(&best) };
-    Ok(closest(factors(-50, 50).map(with), miss))
+    Ok(with(&lowest([0.0, 1.5, -2.0, -2.0, -3.5, -5.3], |logs| miss(&with(logs)))))
 }
 
-/// Returns the model with the smallest miss.
-fn closest(models: impl Iterator<Item = ConfidenceModel>, miss: impl Fn(&ConfidenceModel) -> f64) -> ConfidenceModel {
-    let judged = models.map(|model| (miss(&model), model));
-    judged.min_by(|a, b| a.0.total_cmp(&b.0)).expect("a hundred models").1
+/// Returns the expected error of the box regression, half boxes.
+fn expected(frame: &Judged) -> f64 {
+    frame.place.errors[0].hypot(frame.place.errors[1]) / frame.place.unit.max(1e-6)
+}
+
+/// Returns the frames in the order of a number, cut into groups of equal size.
+fn groups(frames: &[Judged], by: impl Fn(&Judged) -> f64) -> Vec<Vec<Judged>> {
+    let mut sorted = frames.to_vec();
+    sorted.sort_by(|a, b| by(a).total_cmp(&by(b)));
+    sorted.chunks(sorted.len().div_ceil(GROUPS)).map(<[Judged]>::to_vec).collect()
 }
 
 fn rounded(x: f64) -> f64 {
-    (1000.0 * x).round() / 1000.0
+    (10_000.0 * x).round() / 10_000.0
 }
 
-/// Returns the localisation of these logarithms. The share of the speed follows from exposure times and is not fitted.
-fn localisation(logs: &[f64; 5], speed: f64) -> Localisation {
-    let [belief, borders, pixels, lone, sharp] = logs.map(f64::exp);
-    Localisation { belief, borders, pixels, lone, sharp: sharp.min(1.0), speed }
-}
-
-/// Returns the localisation with this many times the variances, in thousandths.
-fn scaled(it: &Localisation, factor: f64) -> Localisation {
-    let root = factor.sqrt();
-    Localisation {
-        belief: rounded(factor * it.belief),
-        borders: rounded(factor * it.borders),
-        pixels: rounded(root * it.pixels),
-        lone: rounded(root * it.lone),
-        sharp: rounded(it.sharp),
-        ..*it
-    }
-}
-
-/// Climbs a function of a few numbers from `start`, one number at a time, in shrinking steps.
-fn highest<const N: usize>(start: [f64; N], value: impl Fn(&[f64; N]) -> f64) -> [f64; N] {
+/// Descends a function of a few numbers from `start`, one number at a time, in shrinking steps.
+fn lowest<const N: usize>(start: [f64; N], value: impl Fn(&[f64; N]) -> f64) -> [f64; N] {
     let (mut at, mut step) = (start, STEPS[0]);
     let mut best = value(&at);
     while step > STEPS[1] {
@@ -84,11 +69,11 @@ fn highest<const N: usize>(start: [f64; N], value: impl Fn(&[f64; N]) -> f64) ->
             let mut next = at;
             next[k] = (next[k] + direction).clamp(-12.0, 4.0);
             let there = value(&next);
-            if there > best {
+            if there < best {
                 (at, best) = (next, there);
             }
         }
-        if best <= before {
+        if best >= before {
             step *= 0.5;
         }
     }
@@ -129,13 +114,17 @@ mod tests {
     #[test]
     fn what_the_errors_were_made_with_is_found() {
         let localisation = Localisation { belief: 0.6, borders: 2.0, pixels: 0.2, lone: 0.5, sharp: 0.03, speed: 0.0 };
-        let known = ConfidenceModel { localisation, ..ConfidenceModel::default() };
-        let found = fitted(&tracks(&known, [0.25, 0.5, 1.5]));
-        assert_eq!(ConfidenceModel { localisation, ..found.clone() }, known, "nothing else is touched");
-        let found = found.localisation;
-        for (name, found, known) in
-            [("borders", found.borders, 2.0), ("lone", found.lone, 0.5), ("sharp", found.sharp, 0.03)]
-        {
+        let known = ConfidenceModel { localisation, localisation_noise: 0.02, ..ConfidenceModel::default() };
+        let model = fitted(&tracks(&known, [0.2, 0.3, 1.5]));
+        let untouched = ConfidenceModel { localisation, localisation_noise: 0.02, ..model.clone() };
+        assert_eq!(untouched, known, "nothing else is touched");
+        let (found, noise) = (model.localisation, model.localisation_noise);
+        for (name, found, known) in [
+            ("borders", found.borders, 2.0),
+            ("lone", found.lone, 0.5),
+            ("sharp", found.sharp, 0.03),
+            ("noise", noise, 0.02),
+        ] {
             assert!((found / known).ln().abs() < 0.2, "{name}: {found} for {known}");
         }
     }

@@ -26,7 +26,8 @@ foveate_base::settings! {
     /// How the covariance of the reported place follows from [`PlaceEvidence`]: g (`belief` · Σ + `borders` · diag(e²) + `pixels`² I) +
     /// (`lone` · unit)² / ESS³ I + `speed`² m mᵀ, with the belief's covariance Σ, the expected errors e of the box regression and the
     /// displacement m since the last frame: how far the target moved while the picture was exposed, and so its blur, is unknown.
-    /// g is 1, or with `sharp` above 0: r⁴ / (r⁴ + `sharp`⁴) for the root mean square r of e in half boxes.
+    /// g is 1, or with `sharp` above 0: r¹² / (r¹² + `sharp`¹²) for the root mean square r of e in half boxes. True boxes of real video are
+    /// inexact, and those of such sharp targets are not.
     #[derive(Copy)]
     pub struct Localisation in "confidence.localisation" {
         /// Factor of the covariance of the particles' positions, 0 to 100.
@@ -52,7 +53,7 @@ impl Localisation {
         let squares = errors.map(|e| e * e);
         let mean = 0.5 * (squares[0] + squares[1]) / (unit * unit).max(1e-12);
         let clear = match self.sharp {
-            sharp if sharp > 0.0 && mean > 0.0 => mean * mean / (mean * mean + sharp.powi(4)),
+            sharp if sharp > 0.0 && mean > 0.0 => (1.0 + (sharp * sharp / mean).powi(6)).recip(),
             _ => 1.0,
         };
         let lone = (self.lone * unit).powi(2) / ess.max(1.0).powi(3);
@@ -99,11 +100,11 @@ mod tests {
         assert_eq!(it.place(0.1, &EVIDENCE), [9.0, 1.0, 19.0], "a tenth of ten pixels");
     }
 
-    /// The formula by hand: m² = (0.04 + 0.09) / 2, g = m⁴ / (m⁴ + 0.2⁴).
+    /// The formula by hand: r² = (0.04 + 0.09) / 2, g = r¹² / (r¹² + 0.2¹²).
     #[test]
     fn each_part_counts_as_documented() {
         let it = Localisation { belief: 0.5, borders: 2.0, pixels: 0.3, lone: 0.8, sharp: 0.2, speed: 0.0 };
-        let g = 0.065f64.powi(2) / (0.065f64.powi(2) + 0.0016);
+        let g = 0.065f64.powi(6) / (0.065f64.powi(6) + 0.04f64.powi(6));
         let common = g * 0.09 + 64.0 / 64.0;
         let want = [g * (2.0 + 8.0) + common, g * 0.5, g * (4.5 + 18.0) + common];
         for (got, want) in it.place(0.0, &EVIDENCE).into_iter().zip(want) {
