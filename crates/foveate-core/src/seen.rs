@@ -347,6 +347,7 @@ mod tests {
     /// The share that the region promises, by integrating the density over rings.
     #[test]
     fn regions_have_their_share_of_the_density() {
+        let log_density = |squares: f64| -(0.5 * FREEDOM + 1.0) * (squares / (stretch() * FREEDOM)).ln_1p();
         let ring = |r: f64| r * log_density(r * r).exp();
         let (step, within) = (1e-3, |most: f64| (0..).map(|i| (i as f64 + 0.5) * 1e-3).take_while(move |r| *r < most));
         let all: f64 = within(200.0).map(|r| ring(r) * step).sum();
