@@ -234,8 +234,8 @@ mod tests {
         for i in 1..40 {
             let image = picture(10 + i / 2);
             let here = target(10 + i / 2);
-            let told = committee.step_on(Scene { image: &image, detections: &[] });
-            assert!(told.bbox.iou(&here) > 0.3, "frame {i}: {:?}", told.bbox);
+            let result = committee.step_on(Scene { image: &image, detections: &[] });
+            assert!(result.bbox.iou(&here) > 0.3, "frame {i}: {:?}", result.bbox);
             if committee.members[2].voter.reported().0.iou(&here) > 0.3 {
                 fetched = fetched.or(Some(i));
             }

@@ -618,9 +618,9 @@ fn what_the_browser_decodes_is_what_our_decoder_gives() {
         );
         assert_eq!(same, boxes.len(), "{name}");
         // If the browser's decoder breaks off, ours continues with the next frame.
-        let (more, halves, told, _) = followed(&mut breaks, &file, init, 90);
+        let (more, halves, ended, _) = followed(&mut breaks, &file, init, 90);
         assert_eq!((&*more, &*halves), (&frames[..more.len()], &boxes[..more.len()]));
-        assert_eq!(told, json!({ "frames": 48, "why": "broken" }));
+        assert_eq!(ended, json!({ "frames": 48, "why": "broken" }));
     }
     assert!(
         with.complaints.is_empty() && without.complaints.is_empty(),

@@ -286,10 +286,10 @@ fn a_stream_that_breaks_off_is_opened_again() {
     let mut lines = BufReader::new(child.stdout.take().expect("a pipe"));
     let (message, mut errors) =
         (Arc::new(Mutex::new(String::new())), BufReader::new(child.stderr.take().expect("a pipe")));
-    let (heard, mut line) = (message.clone(), String::new());
+    let (received, mut line) = (message.clone(), String::new());
     let listener = std::thread::spawn(move || {
         while errors.read_line(&mut line).is_ok_and(|n| n > 0) {
-            heard.lock().expect("one writer").push_str(&std::mem::take(&mut line));
+            received.lock().expect("one writer").push_str(&std::mem::take(&mut line));
         }
     });
     let message = || message.lock().expect("one writer").clone();

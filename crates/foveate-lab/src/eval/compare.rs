@@ -268,10 +268,10 @@ mod tests {
             })
         };
         let out = dir.path().join("ours");
-        let mut told = 0;
-        let ran = run_all("ours", &sequences, &[1], Some(&out), &runner, &mut |_| told += 1).expect("a run");
+        let mut reported = 0;
+        let ran = run_all("ours", &sequences, &[1], Some(&out), &runner, &mut |_| reported += 1).expect("a run");
         let read = score_folder(&sequences, &out).expect("results").remove(0);
-        assert_eq!((told, read.tracker.as_str()), (2, "ours"));
+        assert_eq!((reported, read.tracker.as_str()), (2, "ours"));
         for (ran, read) in ran.rows.iter().zip(&read.rows) {
             assert_eq!((&ran.score, &ran.curves, ran.seed), (&read.score, &read.curves, Some(1)));
             assert_eq!(read.score.fps, Some(50.0));

@@ -4,21 +4,21 @@ use foveate_testing::{ffmpeg, need};
 
 #[test]
 fn the_log_of_ffmpeg_is_parsed() {
-    let heard = |line: &str| {
+    let read = |line: &str| {
         let mut said = Said { frames: 7, ..Said::default() };
         said.hear(line);
         (said.complaint, said.cut, said.corrupt, said.remarks.damaged())
     };
     let some = |text: &str| Some(text.to_owned());
-    assert_eq!(heard("[in#0 @ 0x5] [error] moov atom not found"), (some("moov atom not found"), None, None, 1));
+    assert_eq!(read("[in#0 @ 0x5] [error] moov atom not found"), (some("moov atom not found"), None, None, 1));
     let cut = "[matroska,webm @ 0x5] [error] File ended prematurely";
-    assert_eq!(heard(cut), (None, some("File ended prematurely"), None, 0));
+    assert_eq!(read(cut), (None, some("File ended prematurely"), None, 0));
     let corrupt = "[warning] file:cut.avi: corrupt decoded frame in stream 0";
-    assert_eq!(heard(corrupt).2, Some((7, "file:cut.avi: corrupt decoded frame in stream 0".into())));
-    assert_eq!(heard(corrupt).3, 1);
+    assert_eq!(read(corrupt).2, Some((7, "file:cut.avi: corrupt decoded frame in stream 0".into())));
+    assert_eq!(read(corrupt).3, 1);
     let nothing = (None, None, None, 0);
-    assert_eq!(heard("[swscaler @ 0x5] [warning] No accelerated colorspace conversion found"), nothing);
-    assert_eq!(heard("[info] Output #0, rawvideo, to 'pipe:1':"), nothing);
+    assert_eq!(read("[swscaler @ 0x5] [warning] No accelerated colorspace conversion found"), nothing);
+    assert_eq!(read("[info] Output #0, rawvideo, to 'pipe:1':"), nothing);
     let mut said = Said::default();
     said.hear(
         "[Parsed_scale_1 @ 0x5] [error] Error when evaluating the expression 'if(eq(iw,160)*eq(ih,120),iw,NAN)'.",

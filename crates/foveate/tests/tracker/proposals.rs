@@ -13,7 +13,8 @@ use foveate::scene::{Detection, Image, Preprocessor};
 use foveate::video::Frame;
 
 const FRAMES: usize = 20;
-const TOLD: &str = "[proposal]\nkind = \"mixture\"\nsize = 0.1\n[detection_likelihood]\n[camera_motion]\nlocal = 0.5\n";
+const DETECTED: &str =
+    "[proposal]\nkind = \"mixture\"\nsize = 0.1\n[detection_likelihood]\n[camera_motion]\nlocal = 0.5\n";
 
 /// A configuration with some more lines.
 fn with(blueprint: &Blueprint, lines: &str) -> Blueprint {
@@ -50,7 +51,7 @@ fn started(blueprint: &Blueprint) -> Tracker {
 
 #[test]
 fn a_tracker_without_detections_is_as_without_the_proposal() {
-    let parts = with(&plain(), TOLD).parts().expect("parts that fit");
+    let parts = with(&plain(), DETECTED).parts().expect("parts that fit");
     let (mut a, mut b) = (started(&plain()), Tracker::from_parts(parts, Preprocessor::default(), 5));
     b.init(&frame(0, 1).image, INIT).expect("a box in the picture");
     assert!((1..FRAMES).all(|i| step(&mut a, i, false) == step(&mut b, i, false)));
@@ -58,7 +59,7 @@ fn a_tracker_without_detections_is_as_without_the_proposal() {
 
 #[test]
 fn threads_change_nothing_and_a_saved_tracker_goes_on() {
-    let blueprint = with(&plain(), TOLD);
+    let blueprint = with(&plain(), DETECTED);
     let alone = || {
         let mut tracker = started(&blueprint);
         (1..FRAMES).map(|i| step(&mut tracker, i, true)).collect::<Vec<_>>()

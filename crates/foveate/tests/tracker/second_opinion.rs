@@ -12,13 +12,13 @@ const SEED: u64 = 5;
 
 /// Boxes, P(lost), and the agreement of the second tracker.
 fn track(mut tracker: Tracker) -> Vec<(BBox, f64, f64)> {
-    let heard = CUE_NAMES.iter().position(|name| *name == "agreement").expect("it is a cue");
+    let agreement = CUE_NAMES.iter().position(|name| *name == "agreement").expect("it is a cue");
     tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
     (1..FRAMES)
         .map(|i| {
             let frame = frame(i, 3);
             let seen = tracker.update(&frame.image).expect("a picture of the first size");
-            (seen.bbox, seen.p_lost, seen.cues[heard])
+            (seen.bbox, seen.p_lost, seen.cues[agreement])
         })
         .collect()
 }
@@ -41,13 +41,13 @@ fn it_says_what_it_would_say_alone() {
     let name = first.second_opinion.clone().expect("it has one");
     let name = name.strip_prefix("builtin:").expect("it ships").to_owned();
     let second = Config::builtin(&name).expect("it ships").and_then(|c| c.check(&Folder::here())).expect("it is right");
-    let said = track(tracker(first));
+    let both = track(tracker(first));
     let alone = track(second.tracker_of(SEED, 1 << 63).expect("parts that fit"));
-    let mut smoothed = said[0].0.iou(&alone[0].0);
-    for ((a, _, heard), (b, _, silent)) in said.iter().zip(&alone) {
+    let mut smoothed = both[0].0.iou(&alone[0].0);
+    for ((a, _, agreement), (b, _, silent)) in both.iter().zip(&alone) {
         smoothed += 0.2 * (a.iou(b) - smoothed);
-        assert!((smoothed - heard).abs() < 1e-12, "{a:?} {b:?}: {smoothed} {heard}");
-        assert_eq!(*silent, -1.0, "without a second opinion nothing is heard");
+        assert!((smoothed - agreement).abs() < 1e-12, "{a:?} {b:?}: {smoothed} {agreement}");
+        assert_eq!(*silent, -1.0, "without a second opinion there is no agreement");
     }
     assert!(smoothed > 0.6, "both are on the target: {smoothed}");
 }
@@ -57,11 +57,11 @@ fn it_says_what_it_would_say_alone() {
 fn it_changes_p_lost_and_nothing_else() {
     let model = pair().confidence.second_opinion;
     let (pair, alone) = (track(tracker(pair())), track(tracker(Config { second_opinion: None, ..pair() })));
-    for ((bbox, p_lost, heard), (same, own, _)) in pair.iter().zip(&alone) {
+    for ((bbox, p_lost, agreement), (same, own, _)) in pair.iter().zip(&alone) {
         assert_eq!(bbox, same);
         let odds = |p: f64| (p / (1.0 - p)).ln();
-        let expected = model.own * odds(*own) + model.agreement * heard + model.bias;
-        assert!((odds(*p_lost) - expected).abs() < 1e-9, "{p_lost} of {own} and {heard}");
+        let expected = model.own * odds(*own) + model.agreement * agreement + model.bias;
+        assert!((odds(*p_lost) - expected).abs() < 1e-9, "{p_lost} of {own} and {agreement}");
     }
     assert!(pair.iter().zip(&alone).any(|(a, b)| a.1 != b.1));
 }

@@ -264,8 +264,8 @@ fn models_come_back_from_files_and_damaged_ones_are_refused() {
         let rbm = machine(shape, 7);
         let path = std::path::Path::new("m.safetensors");
         let bytes = rbm.to_bytes(&about);
-        let (back, told) = FixationRbm::from_bytes(&bytes, path).expect("whole");
-        assert!(back == rbm && told == about && back.to_bytes(&about) == bytes);
+        let (back, kept) = FixationRbm::from_bytes(&bytes, path).expect("whole");
+        assert!(back == rbm && kept == about && back.to_bytes(&about) == bytes);
         for cut in 0..bytes.len() {
             assert!(FixationRbm::from_bytes(&bytes[..cut], path).is_err());
         }

@@ -93,7 +93,7 @@ fn it_stops_within_256_rows() {
     };
     for n in [1, 5, 30] {
         assert!(matches!(after(n), Err(Error::Stopped)));
-        assert_eq!(asked.load(Ordering::Relaxed), n, "nothing is done once it was told to stop");
+        assert_eq!(asked.load(Ordering::Relaxed), n, "nothing is done once it was asked to stop");
     }
     let steps = after(usize::MAX).expect("not stopped").steps;
     assert!(asked.load(Ordering::Relaxed) >= 8 * steps, "2000 rows are 8 pieces");
