@@ -17,6 +17,7 @@ use crate::identity::gaze_appearance::GazeAppearance;
 use crate::identity::oriented::Oriented;
 use crate::identity::retina::{Foveal, Retina};
 use crate::origin::Origin;
+use crate::tree::Node;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
@@ -115,7 +116,7 @@ impl Config {
 
     /// As TOML text, every setting written out.
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("a configuration is plain data")
+        Node::of(self).to_toml()
     }
 
     /// A configuration that ships with the program, by name; see [`BUILTIN`].
@@ -247,7 +248,9 @@ impl Blueprint {
     /// The components of a tracker of this seed and target.
     pub(crate) fn origin(&self, seed: u64, target: u64) -> Origin {
         let chain = std::iter::successors(Some(self), |blueprint| blueprint.second.as_deref());
-        let value = |blueprint: &Self| serde_json::to_value(&blueprint.config).expect("a configuration is plain data");
+        let value = |blueprint: &Self| {
+            serde_json::to_value(Node::of(&blueprint.config)).expect("a configuration is plain data")
+        };
         Origin { seed, target, configurations: chain.map(value).collect() }
     }
     /// The components of all trackers that vote on one target.

@@ -25,6 +25,7 @@ pub mod start;
 mod threads;
 mod times;
 pub mod tracker;
+mod tree;
 
 pub use config::{Config, Profile};
 pub use control::Status;

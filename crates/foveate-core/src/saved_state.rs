@@ -6,9 +6,9 @@ use std::str::FromStr;
 use foveate_base::{Error, Result};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use crate::origin::Origin;
+use crate::tree::Node;
 
 /// The format number of saved trackers, of one target and of many.
 pub(crate) const FORMAT: u32 = 24;
@@ -26,7 +26,7 @@ pub(crate) const FORMAT: u32 = 24;
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct SavedState(Value);
+pub struct SavedState(Node);
 
 /// A state that serde has read: it may be damaged, or of a part with other settings.
 pub(crate) trait Validate<Settings: ?Sized = ()> {
@@ -52,7 +52,7 @@ impl SavedState {
     /// # Panics
     /// If the value cannot be JSON: it has a map whose keys are not text, or its `Serialize` fails.
     pub fn new(state: &impl Serialize) -> Self {
-        Self(serde_json::to_value(state).expect("a state is plain data: maps have text as keys"))
+        Self(Node::of(state).into_json())
     }
     /// Returns whether it is the state of a part that learns nothing.
     pub fn is_empty(&self) -> bool {
@@ -63,30 +63,31 @@ impl SavedState {
     /// # Errors
     /// [`Error::Invalid`] if it has another type.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
-        T::deserialize(&self.0).map_err(|error| Error::Invalid(format!("the saved state does not fit: {error}")))
+        self.0.read().map_err(|error| Error::Invalid(format!("the saved state does not fit: {error}")))
     }
     /// Returns the state of the part `name` if a part with these settings can continue from it.
     pub(crate) fn state<S: ?Sized, T: DeserializeOwned + Validate<S>>(&self, name: &str, settings: &S) -> Result<T> {
         let checked = |state: T| state.validate(settings).map(|()| state);
-        let state = T::deserialize(&self.0).map_err(|error| error.to_string()).and_then(checked);
+        let state = self.0.read().map_err(|error| error.to_string()).and_then(checked);
         state.map_err(|what| refused(name, &what))
     }
     /// Checks that a tracker of this origin was saved, in the present format.
     pub(crate) fn check_origin(&self, origin: &Origin) -> Result<()> {
         // Check the format first: a state of another format has other parts.
-        if self.0["format"] != FORMAT {
-            let found = self.0["format"].as_u64().map_or("no number".into(), |format| format.to_string());
+        let format = self.part("format").read::<u64>().ok();
+        if format != Some(FORMAT.into()) {
+            let found = format.map_or("no number".into(), |format| format.to_string());
             return Err(refused("tracker", &format!("its format is {found}, this version writes and reads {FORMAT}")));
         }
         origin.check(&self.part_read("origin")?).map_err(|what| refused("tracker", &what))
     }
     /// Returns the state of a part of this part; it is empty if there is none of this name.
     pub(crate) fn part(&self, name: &str) -> Self {
-        Self(self.0[name].clone())
+        Self(self.0.get(name).cloned().unwrap_or_default())
     }
     /// Returns the state of the part `name` of this part, which fits any settings.
     pub(crate) fn part_read<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
-        T::deserialize(&self.0[name]).map_err(|error| refused(name, &error.to_string()))
+        self.part(name).0.read().map_err(|error| refused(name, &error.to_string()))
     }
     /// Returns the state of the part `name` of this part, as [`SavedState::state`].
     pub(crate) fn part_state<S: ?Sized, T: DeserializeOwned + Validate<S>>(
@@ -115,6 +116,6 @@ impl FromStr for SavedState {
 /// Formats the value as JSON text.
 impl fmt::Display for SavedState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
+        f.write_str(&serde_json::to_string(&self.0).expect("plain data"))
     }
 }

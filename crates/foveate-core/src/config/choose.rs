@@ -1,7 +1,7 @@
 //! How a configuration is chosen: by profile, by the name of one that ships, or given whole.
 
 use super::Config;
-use super::set::table;
+use crate::tree::Node;
 use foveate_base::{Error, Result};
 
 /// The configurations for any target in real video, by their cost.
@@ -65,7 +65,7 @@ impl Config {
 
     /// The name of its gaze policy.
     pub fn policy_kind(&self) -> String {
-        table(&self.policy).get("kind").and_then(|kind| kind.as_str()).unwrap_or_default().to_owned()
+        Node::of(&self.policy).get("kind").and_then(|kind| kind.read().ok()).unwrap_or_default()
     }
 }
 

@@ -9,6 +9,7 @@ use crate::identity::convolution::ConvolutionEncoder;
 use crate::identity::encoder::Encoder;
 use crate::identity::rbm_encoder::RbmEncoder;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use crate::tree::Node;
 use foveate_base::{Error, Result};
 use foveate_learn::filters::PatchFilters;
 use foveate_learn::rbm::io::command;
@@ -55,7 +56,7 @@ fn convolution(
 
 /// The retina that a model was trained with; a configuration may have no other.
 fn trained_retina(weights: &str, metadata: &Metadata, given: Option<FovealConfig>, kind: &str) -> Result<Foveal> {
-    let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
+    let trained: FovealConfig = Node::read_json(&metadata.retina).map_err(|e| {
         Error::malformed(
             weights,
             format!("its metadata does not describe a retina ({e}); retrain it with `{}`", command(kind)),

@@ -3,17 +3,18 @@
 use serde::de::DeserializeOwned;
 use serde::{Serialize, Serializer};
 
+use crate::tree::{Entry, Node, Value};
 use foveate_base::{Error, Result};
 
 /// A section whose `kind` the library does not have: the name of a registered component, and its settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OwnPart {
     kind: String,
-    settings: toml::Table,
+    settings: Vec<Entry>,
 }
 
 impl OwnPart {
-    pub(super) fn new(kind: String, settings: toml::Table) -> Self {
+    pub(super) fn new(kind: String, settings: Vec<Entry>) -> Self {
         Self { kind, settings }
     }
     /// The name of the component.
@@ -25,9 +26,8 @@ impl OwnPart {
     /// # Errors
     /// [`Error::Config`] if they do not fit.
     pub(super) fn settings<S: DeserializeOwned>(&self, section: &str) -> Result<S> {
-        let read = S::deserialize(toml::Value::Table(self.settings.clone()));
-        read.map_err(|e| {
-            let why = super::plainly::plainly(e.message());
+        Node::from(Value::Section(self.settings.clone())).read().map_err(|problem| {
+            let why = super::plainly::plainly(problem.message());
             Error::Config(format!("{section}, kind `{}`: {why}", self.kind))
         })
     }
@@ -35,8 +35,9 @@ impl OwnPart {
 
 impl Serialize for OwnPart {
     fn serialize<S: Serializer>(&self, s: S) -> std::result::Result<S::Ok, S::Error> {
-        let mut table = self.settings.clone();
-        table.insert("kind".into(), toml::Value::String(self.kind.clone()));
-        table.serialize(s)
+        let mut all = self.settings.clone();
+        all.push(Entry::new("kind", Value::Text(self.kind.clone())));
+        all.sort_by(|a, b| a.key.cmp(&b.key));
+        Node::from(Value::Section(all)).serialize(s)
     }
 }

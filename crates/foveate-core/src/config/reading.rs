@@ -15,6 +15,7 @@ use crate::identity::encoder::Encoder;
 use crate::identity::retina::{Foveal, FovealConfig};
 use crate::identity::{Classifier, MultiFixation, Recognizer, Retina};
 use crate::recognition::Recognition;
+use crate::tree::Node;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 use foveate_learn::rbm::fixations::FixationRbm;
@@ -69,15 +70,15 @@ impl RecogniserConfig {
                 (Machine::Fixations(machine), about.metadata, about.first_layer)
             }
         };
-        let unclear = |what: &str, e: serde_json::Error| {
+        let unclear = |what: &str, e: String| {
             let problem = format!("it has no {what} of its training ({e}); train it again");
             Error::malformed(Path::new(weights), problem)
         };
-        let config: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| unclear("retina", e))?;
+        let config: FovealConfig = Node::read_json(&metadata.retina).map_err(|e| unclear("retina", e))?;
         let (retina, encoder) = if layer.is_empty() {
             (Foveal::new(config)?, None)
         } else {
-            let layer = serde_json::from_str(&layer).map_err(|e| unclear("first layer", e))?;
+            let layer = Node::read_json(&layer).map_err(|e| unclear("first layer", e))?;
             let (retina, encoder) = first_layer(&layer, Some(config), (files, &beside))?;
             (retina, Some(encoder))
         };

@@ -14,6 +14,7 @@ use super::parts::Parts;
 use super::policies::PolicyConfig;
 use super::proposals::{DetectorConfig, ProposalConfig};
 use super::rewards::RewardConfig;
+use crate::tree::{Entry, Node, Problem, Value};
 
 /// A section that names a component by its `kind`.
 trait Section: Sized {
@@ -21,7 +22,7 @@ trait Section: Sized {
     /// The kinds of the library.
     const BUILTIN: &'static [&'static str];
     /// Reads a section of a kind of the library.
-    fn builtin(section: toml::Value) -> Result<Self, toml::de::Error>;
+    fn builtin(section: &Node) -> Result<Self, Problem>;
     /// A section of a registered kind.
     fn own(part: OwnPart) -> Self;
 }
@@ -63,20 +64,20 @@ impl<'de, T: Section> Visitor<'de> for Whole<T> {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<T, A::Error> {
-        let (mut kind, mut settings) = (None, toml::Table::new());
+        let (mut kind, mut settings) = (None, vec![]);
         while let Some(key) = map.next_key::<String>()? {
             if key == "kind" {
                 kind = Some(map.next_value_seed(Kind::<T>(PhantomData))?);
             } else {
-                settings.insert(key, map.next_value()?);
+                settings.push(Entry::new(key, map.next_value::<Node>()?));
             }
         }
         let kind = kind.ok_or_else(|| A::Error::missing_field("kind"))?;
         if !T::BUILTIN.contains(&&*kind) {
             return Ok(T::own(OwnPart::new(kind, settings)));
         }
-        settings.insert("kind".into(), toml::Value::String(kind));
-        T::builtin(toml::Value::Table(settings)).map_err(|e| A::Error::custom(e.message()))
+        settings.push(Entry::new("kind", Value::Text(kind)));
+        T::builtin(&Value::Section(settings).into()).map_err(|e| A::Error::custom(e.message()))
     }
 }
 
@@ -118,7 +119,7 @@ macro_rules! sections {
         impl Section for $section {
             const NAME: &'static str = $name;
             const BUILTIN: &'static [&'static str] = &$builtin;
-            fn builtin(section: toml::Value) -> Result<Self, toml::de::Error> {
+            fn builtin(section: &Node) -> Result<Self, Problem> {
                 $section::deserialize(section)
             }
             fn own(part: OwnPart) -> Self {
@@ -153,7 +154,7 @@ sections! {
 impl Section for OwnPart {
     const NAME: &'static str = "observation_model";
     const BUILTIN: &'static [&'static str] = &[];
-    fn builtin(_: toml::Value) -> Result<Self, toml::de::Error> {
+    fn builtin(_: &Node) -> Result<Self, Problem> {
         unreachable!("the library has none")
     }
     fn own(part: OwnPart) -> Self {
@@ -175,8 +176,8 @@ mod tests {
     #[test]
     fn all_kinds_of_the_library_are_listed() {
         fn listed<T: Section>() {
-            let unknown = toml::Table::from_iter([("kind".to_owned(), toml::Value::String("?".into()))]);
-            let error = T::builtin(toml::Value::Table(unknown)).err().expect("no such kind").message().to_owned();
+            let unknown = Value::Section(vec![Entry::new("kind", Value::Text("?".into()))]);
+            let error = T::builtin(&unknown.into()).err().expect("no such kind").message().to_owned();
             let (_, found) = error.split_once("expected one of ").or(error.split_once("expected ")).expect("a list");
             let found = found.replace(" or ", ", ");
             let kinds: Vec<&str> = found.split(", ").map(|kind| kind.trim_matches('`')).collect();

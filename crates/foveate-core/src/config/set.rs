@@ -2,19 +2,15 @@
 
 use super::Config;
 use super::sections::reading;
+use crate::tree::{Entry, Node, Value};
 use foveate_base::{Error, Result};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// Reads settings from TOML; `name` stands for the text in errors.
 pub fn parse<T: DeserializeOwned>(text: &str, name: &str) -> Result<T> {
-    toml::from_str(text).map_err(|e| Error::Config(format!("{name}: {}", Config::problem(&e.to_string()))))
-}
-
-/// Settings as a table of TOML.
-pub(super) fn table(settings: &impl Serialize) -> toml::Table {
-    let text = toml::to_string(settings).expect("settings are plain data");
-    toml::from_str(&text).expect("it was just written")
+    let wrong = |problem: String| Error::Config(format!("{name}: {}", Config::problem(&problem)));
+    Node::parse(text).map_err(wrong)?.read().map_err(|problem| wrong(problem.shown(text)))
 }
 
 /// The same with one setting changed: `setting` is `key=value`, the key with dots, the value as TOML has it, or a bare word
@@ -24,35 +20,56 @@ pub(super) fn table(settings: &impl Serialize) -> toml::Table {
 /// # Errors
 /// [`Error::Config`] where it has no `=`, the key is none, or the value does not fit.
 pub fn changed<T: Serialize + DeserializeOwned>(settings: &T, setting: &str) -> Result<T> {
-    let wrong = |why: String| Error::Config(format!("{setting}: {why}"));
+    // A position in generated text does not help the user.
+    let read = |whole: Node| whole.read().map_err(|problem| wrong(setting, &Config::problem(problem.message())));
+    change(Node::of(settings), setting).and_then(read)
+}
+
+fn wrong(setting: &str, why: &str) -> Error {
+    Error::Config(format!("{setting}: {why}"))
+}
+
+fn change(mut whole: Node, setting: &str) -> Result<Node> {
+    let wrong = |why: &str| wrong(setting, why);
     let (key, text) = setting
         .split_once('=')
         .map(|(key, text)| (key.trim(), text.trim()))
         .filter(|(key, text)| !key.is_empty() && !text.is_empty())
-        .ok_or_else(|| wrong("expected key=value, for example particles=400 or policy.kind=hedge".into()))?;
-    let value = match toml::from_str::<toml::Table>(&format!("value = {text}")) {
-        Ok(mut table) => table.remove("value").expect("it was just written"),
-        Err(_) if text.chars().all(|c| c.is_alphanumeric() || "-_:./".contains(c)) => toml::Value::String(text.into()),
-        Err(e) => return Err(wrong(e.to_string())),
+        .ok_or_else(|| wrong("expected key=value, for example particles=400 or policy.kind=hedge"))?;
+    let value = match Node::parse(&format!("value = {text}")) {
+        Ok(mut section) => section.entries().expect("a document").remove(0).node,
+        Err(_) if text.chars().all(|c| c.is_alphanumeric() || "-_:./".contains(c)) => Value::Text(text.into()).into(),
+        Err(e) => return Err(wrong(&e)),
     };
-    let mut whole = table(settings);
-    let mut table = &mut whole;
     let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
+    let mut section = whole.entries().expect("settings are a section");
     for part in path.split('.').filter(|part| !part.is_empty()) {
-        let inner = table.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-        table = inner.as_table_mut().ok_or_else(|| wrong(format!("{part} is a value, not a section")))?;
+        let inner = entry(section, part, || Value::Section(vec![]));
+        section = inner.entries().ok_or_else(|| wrong(&format!("{part} is a value, not a section")))?;
     }
-    if last == "kind" && table.get("kind") != Some(&value) {
-        table.clear();
+    if last == "kind" && !section.contains(&Entry::new("kind", value.clone())) {
+        section.clear();
     }
-    if value.as_str() == Some("none") {
-        table.remove(last).ok_or_else(|| wrong("there is none to leave out".into()))?;
+    if value.value == Value::Text("none".into()) {
+        let at = section.iter().position(|entry| entry.key == last && entry.node.value != Value::Null);
+        section.remove(at.ok_or_else(|| wrong("there is none to leave out"))?);
     } else {
-        table.insert(last.into(), value);
+        *entry(section, last, || Value::Null) = value;
     }
-    // A position in generated text does not help the user.
-    let text = toml::to_string(&whole).expect("it is a table");
-    toml::from_str(&text).map_err(|e| wrong(Config::problem(e.message())))
+    Ok(whole)
+}
+
+/// Returns the value of a key; if there is none, `value` becomes it.
+fn entry<'a>(section: &'a mut Vec<Entry>, key: &str, value: fn() -> Value) -> &'a mut Node {
+    let at = section.iter().position(|entry| entry.key == key).unwrap_or_else(|| {
+        section.push(Entry::new(key, Value::Null));
+        section.len() - 1
+    });
+    let node = &mut section[at].node;
+    if node.value == Value::Null {
+        node.value = value();
+    }
+    node
 }
 
 impl Config {

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::identity::numbers::{codes, floats};
+use crate::tree::Node;
 use foveate_base::{Error, Result};
 
 /// The shape of a layer.
@@ -66,7 +67,7 @@ pub(super) fn read(bytes: &[u8], path: &Path, shapes: &[Shape]) -> Result<Vec<Fi
     let wrong = |problem: String| {
         Error::malformed(path, format!("{problem}; expected a file of `bench/train_box_regression.py`"))
     };
-    let file: File = serde_json::from_slice(bytes).map_err(|e| wrong(e.to_string()))?;
+    let file: File = Node::read_json(bytes).map_err(wrong)?;
     if file.layers.len() != shapes.len() {
         return Err(wrong(format!("it has {} layers, not {}", file.layers.len(), shapes.len())));
     }

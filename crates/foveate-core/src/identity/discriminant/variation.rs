@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::identity::Encoder;
 use crate::identity::numbers::{codes, floats};
 use crate::identity::oriented::Oriented;
+use crate::tree::Node;
 use foveate_base::error::within;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
@@ -127,7 +128,7 @@ impl Covariance {
     /// As the bytes of a file, with metadata on its training.
     pub fn to_json(&self, command: &str, sha256: &str) -> String {
         let written = Written { command, sha256, covariance: self };
-        serde_json::to_string_pretty(&written).expect("plain data") + "\n"
+        serde_json::to_string_pretty(&Node::of(&written)).expect("plain data") + "\n"
     }
 
     /// From the content of a file.
@@ -138,7 +139,7 @@ impl Covariance {
         let wrong = |problem: String| {
             Error::malformed(path, format!("{problem}; expected a file of `foveate train variation`"))
         };
-        let found: Self = serde_json::from_slice(bytes).map_err(|e| wrong(e.to_string()))?;
+        let found: Self = Node::read_json(bytes).map_err(wrong)?;
         let Self { parts, deviations, correlations } = &found;
         let n = parts.iter().try_fold(0usize, |n, part| n.checked_add(*part)).filter(|n| *n <= MOST);
         let n = n.ok_or_else(|| wrong(format!("parts: more than {MOST} features")))?;
