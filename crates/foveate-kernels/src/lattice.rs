@@ -1,11 +1,11 @@
 //! The features of [`oriented_features`](crate::oriented_features) at all places of a lattice. Its glimpses share
 //! cells, so gradients are computed once a cell and summed once a block.
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 use crate::level::FUSED;
 use crate::level::levels;
-#[cfg(target_arch = "x86_64")]
-use crate::oriented::avx;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+use crate::oriented::columns;
 use crate::oriented::{
     AT_ONCE, BLOCK, DIRECTIONS, Lengths, MOST_BLOCKS, WIDTH, add_gradients, bring_to_length, places,
 };
@@ -70,14 +70,14 @@ fn oriented_halves_body<const V: u8>(cells: &[f32], columns: usize, gradients: &
     {
         let strips = gradients.as_chunks_mut::<{ HALVES * DIRECTIONS }>().0.iter_mut();
         for (strip, (gradients, grey)) in strips.zip(grey.as_chunks_mut::<HALVES>().0).enumerate() {
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
             if V == FUSED {
                 for (k, gradients) in gradients.as_chunks_mut().0.iter_mut().enumerate() {
-                    let corner = 2 * j * width + strip * WIDTH + k * avx::COLUMNS;
-                    let cells = avx::Cells::new::<2>(&cells[corner..], width);
-                    // SAFETY: by `V` the caller is compiled for AVX and FMA, and runs only where they are there.
+                    let corner = 2 * j * width + strip * WIDTH + k * columns::COLUMNS;
+                    let cells = columns::Cells::new::<2>(&cells[corner..], width);
+                    // SAFETY: by `V` the caller is compiled for the instructions, and runs only where they are there.
                     unsafe {
-                        avx::half_blocks(&cells.gradients::<2>(), gradients);
+                        columns::half_blocks(&cells.gradients::<2>(), gradients);
                         cells.squares(0, &mut grey.as_chunks_mut().0[k]);
                     }
                 }
@@ -160,9 +160,9 @@ fn gather<const V: u8, const ROOM: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Level;
-    use crate::oriented_features;
+    use crate::level::{AVX512, BASE, FUSED};
     use crate::sums::tests::values;
+    use crate::{Level, oriented_features};
 
     /// Every place of a lattice against its own glimpse.
     #[test]
@@ -201,19 +201,21 @@ mod tests {
         }
     }
 
-    /// Bit for bit the same with AVX2 and AVX-512, so that the track does not depend on the processor.
+    /// Bit for bit the same with AVX2, AVX-512 and NEON, so that the track does not depend on the processor.
     #[test]
     fn maps_are_the_same_with_all_that_multiply_and_add_at_once() {
         let (columns, rows) = (16, 11);
         let cells = values((2 * columns + 2) * (2 * rows + 2), 1);
-        let maps = Level::all().filter(|level| *level != Level::Portable).map(|level| {
+        let maps = |at: &dyn Fn(&mut [f32], &mut [f32])| {
             let (mut halves, mut grey) = (vec![0.0; 8 * columns * rows], vec![0.0; columns * rows]);
-            oriented_halves_at(level, &cells, columns, &mut halves, &mut grey);
-            let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect::<Vec<_>>();
-            (bits(halves), bits(grey))
-        });
-        let maps: Vec<_> = maps.collect();
-        assert!(maps.windows(2).all(|two| two[0] == two[1]), "halves and their grey sums");
+            at(&mut halves, &mut grey);
+            [halves, grey].map(|values| values.into_iter().map(f32::to_bits).collect::<Vec<_>>())
+        };
+        let plain = maps(&|halves, grey| oriented_halves_body::<AVX512>(&cells, columns, halves, grey));
+        for level in Level::all().filter(|level| *level != Level::Portable || BASE == FUSED) {
+            let these = maps(&|halves, grey| oriented_halves_at(level, &cells, columns, halves, grey));
+            assert!(these == plain, "{level:?}: halves and their grey sums");
+        }
     }
 
     #[test]

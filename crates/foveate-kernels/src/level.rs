@@ -5,7 +5,7 @@ use std::sync::{LazyLock, OnceLock};
 /// Vector instructions the kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// What every processor of the architecture has.
+    /// What every processor of the architecture has: on aarch64 NEON with fused multiply-adds.
     Portable,
     /// x86-64 with AVX2 and FMA.
     Avx2,

@@ -3,8 +3,8 @@
 //! # Guarantees
 //!
 //! Every function is safe to call, and is tested against a plain scalar twin at every level of the
-//! machine ([`Level`]): AVX-512, AVX2 with FMA, or portable code, which any architecture compiles.
-//! The level is found once, at run time.
+//! machine ([`Level`]): AVX-512, AVX2 with FMA, or portable code, which any architecture compiles,
+//! on aarch64 with NEON. The level is found once, at run time.
 //!
 //! A result depends on the inputs of its own element or row alone: not on its place in the batch, on
 //! alignment, or on the thread. Sums run in fixed lanes. Between levels the last bits may differ,
@@ -21,6 +21,8 @@ mod exponential;
 mod gram;
 mod halve;
 mod integral;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod lanes;
 mod lattice;
 mod level;
 mod logistic;

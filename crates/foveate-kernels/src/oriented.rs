@@ -1,14 +1,16 @@
 //! Histograms of gradient orientations over blocks of a square patch (Dalal & Triggs 2005), of one sign each.
 
-#[cfg(target_arch = "x86_64")]
-pub(crate) mod avx;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+pub(crate) mod columns;
 mod parts;
 
 pub use parts::Lengths;
 pub(crate) use parts::{bring_to_length, places};
 
 #[cfg(target_arch = "x86_64")]
-use crate::level::{AVX512, FUSED};
+use crate::level::AVX512;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+use crate::level::FUSED;
 use crate::level::{greater, levels, multiply_add};
 
 /// Number of gradient directions, 45° apart.
@@ -118,13 +120,13 @@ fn sum_strip<const V: u8>(
     strip: &mut [f32; AT_ONCE * DIRECTIONS],
     fours: &mut [[f32; WIDTH / 2]; 2],
 ) {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
     if V == FUSED {
         for (k, strip) in strip.as_chunks_mut().0.iter_mut().enumerate() {
-            let cells = avx::Cells::new::<BLOCK>(&patch[k * avx::COLUMNS..], stride);
-            // SAFETY: by `V` the caller is compiled for AVX and FMA, and runs only where they are there.
+            let cells = columns::Cells::new::<BLOCK>(&patch[k * columns::COLUMNS..], stride);
+            // SAFETY: by `V` the caller is compiled for the instructions, and runs only where they are there.
             unsafe {
-                avx::blocks(&cells.gradients::<BLOCK>(), strip);
+                columns::blocks(&cells.gradients::<BLOCK>(), strip);
                 for (half, fours) in fours.iter_mut().enumerate() {
                     cells.squares(half * (BLOCK / 2), &mut fours.as_chunks_mut().0[k]);
                 }

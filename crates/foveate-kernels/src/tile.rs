@@ -3,7 +3,9 @@
 //! `words` holds the glimpses of the block, `depth` words each, one every `stride` words; `lines` the tile, `depth` × 4 lines.
 //! Every sum starts at 0 and runs over the words in order.
 
-use crate::level::{BASE, Level, multiply_add};
+use crate::level::Level;
+#[cfg(not(target_arch = "aarch64"))]
+use crate::level::{BASE, multiply_add};
 
 /// Columns of a tile.
 pub(crate) const TILE: usize = 64;
@@ -86,15 +88,22 @@ fn fixed<const ROWS: usize, const ADD: bool>(
         }
         Kernel::F32(level) if level >= Level::Avx2 && level <= Level::best() => {
             // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
-            return unsafe { x86::f32_avx2::<ROWS, ADD>(stride, words, lines, sums) };
+            return unsafe { f32_lanes::<ROWS, ADD>(stride, words, lines, sums) };
         }
         _ => {}
     }
     assert!(matches!(kernel, Kernel::F32(_)), "only x86-64 has the other kernels");
+    #[cfg(target_arch = "aarch64")]
+    // SAFETY: the lengths were just checked, and every processor of this architecture has NEON.
+    unsafe {
+        f32_lanes::<ROWS, ADD>(stride, words, lines, sums)
+    };
+    #[cfg(not(target_arch = "aarch64"))]
     portable::<ROWS, ADD>(stride, words, lines, sums);
 }
 
 /// The plain twin of the f32 kernels.
+#[cfg(not(target_arch = "aarch64"))]
 fn portable<const ROWS: usize, const ADD: bool>(
     stride: usize,
     words: &[u32],
@@ -178,43 +187,70 @@ mod x86 {
         let (sum, line) = (_mm512_castps_si512(sum), _mm512_castps_si512(line));
         _mm512_castsi512_ps(_mm512_dpbusd_epi32(sum, value, line))
     });
+}
 
-    /// # Safety
-    /// `lines` must hold 4 × depth lines, and `words` depth words at each of ROWS multiples of `stride`.
-    #[target_feature(enable = "avx2,fma")]
-    pub(super) unsafe fn f32_avx2<const ROWS: usize, const ADD: bool>(
-        stride: usize,
-        words: &[u32],
-        lines: &[Line],
-        sums: &mut [[f32; TILE]; ROWS],
-    ) {
-        for quarter in 0..4 {
-            let mut acc = [[_mm256_setzero_ps(); 2]; ROWS];
-            for (acc, sums) in acc.iter_mut().zip(&*sums).filter(|_| ADD) {
-                for (acc, sums) in acc.iter_mut().zip(sums[16 * quarter..][..16].as_chunks::<8>().0) {
-                    // SAFETY: `sums` is 8 f32.
-                    *acc = unsafe { _mm256_loadu_ps(sums.as_ptr()) };
-                }
+/// # Safety
+/// The processor has the instructions; `lines` must hold 4 × depth lines, and `words` depth words at each of ROWS multiples of `stride`.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+#[cfg_attr(target_arch = "x86_64", target_feature(enable = "avx2,fma"))]
+#[cfg_attr(target_arch = "aarch64", target_feature(enable = "neon"))]
+unsafe fn f32_lanes<const ROWS: usize, const ADD: bool>(
+    stride: usize,
+    words: &[u32],
+    lines: &[Line],
+    sums: &mut [[f32; TILE]; ROWS],
+) {
+    use crate::lanes::{Lanes, N, add_product, load, splat, store};
+    for quarter in 0..4 {
+        let mut acc = [[splat(0.0); 16 / N]; ROWS];
+        for (acc, sums) in acc.iter_mut().zip(&*sums).filter(|_| ADD) {
+            for (acc, sums) in acc.iter_mut().zip(sums[16 * quarter..][..16].as_chunks::<N>().0) {
+                // SAFETY: `sums` is a whole register.
+                *acc = unsafe { load(sums.as_ptr()) };
             }
-            for k in 0..lines.len() / 4 {
-                // SAFETY: row r < ROWS has a word k < depth at r × stride + k, and 4 × k + quarter < 4 × depth; a line is two registers.
-                unsafe {
-                    let line = lines.as_ptr().add(4 * k + quarter).cast::<__m256>();
-                    let line = [*line, *line.add(1)];
-                    for (r, acc) in acc.iter_mut().enumerate() {
-                        let value = _mm256_set1_ps(f32::from_bits(*words.as_ptr().add(r * stride + k)));
-                        for (acc, line) in acc.iter_mut().zip(line) {
-                            *acc = _mm256_fmadd_ps(value, line, *acc);
-                        }
+        }
+        for k in 0..lines.len() / 4 {
+            // SAFETY: row r < ROWS has a word k < depth at r × stride + k, and 4 × k + quarter < 4 × depth; a line is 16 / N registers.
+            unsafe {
+                let line = *lines.as_ptr().add(4 * k + quarter).cast::<[Lanes; 16 / N]>();
+                for (r, acc) in acc.iter_mut().enumerate() {
+                    let value = splat(f32::from_bits(*words.as_ptr().add(r * stride + k)));
+                    for (acc, line) in acc.iter_mut().zip(line) {
+                        *acc = add_product(*acc, value, line);
                     }
                 }
             }
-            for (acc, sums) in acc.iter().zip(sums.iter_mut()) {
-                let sums = &mut sums[16 * quarter..16 * quarter + 16];
-                // SAFETY: `sums` is 16 f32.
-                unsafe {
-                    _mm256_storeu_ps(sums.as_mut_ptr(), acc[0]);
-                    _mm256_storeu_ps(sums.as_mut_ptr().add(8), acc[1]);
+        }
+        for (acc, sums) in acc.iter().zip(sums.iter_mut()) {
+            for (acc, sums) in acc.iter().zip(sums[16 * quarter..][..16].as_chunks_mut::<N>().0) {
+                // SAFETY: `sums` is a whole register.
+                unsafe { store(sums.as_mut_ptr(), *acc) };
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::level::{BASE, FUSED};
+    use crate::sums::tests::values;
+
+    /// The bits of multiply-adds in order, at every level that has them.
+    #[test]
+    fn sums_run_over_the_words_in_order() {
+        const DEPTH: usize = 37;
+        let words: Vec<u32> = values(BLOCK * DEPTH, 1).into_iter().map(f32::to_bits).collect();
+        let weights = values(TILE * DEPTH, 2);
+        let lines: Vec<Line> = weights.as_chunks::<16>().0.iter().map(|line| Line(line.map(f32::to_bits))).collect();
+        for level in Level::all().filter(|level| *level != Level::Portable || BASE == FUSED) {
+            for rows in 1..=BLOCK {
+                let mut sums = [[0.5; TILE]; BLOCK];
+                multiply::<true>(Kernel::F32(level), rows, DEPTH, &words, &lines, &mut sums);
+                for (r, c) in (0..rows).flat_map(|r| (0..TILE).map(move |c| (r, c))) {
+                    let sum = (0..DEPTH)
+                        .fold(0.5, |sum, k| f32::from_bits(words[r * DEPTH + k]).mul_add(weights[k * TILE + c], sum));
+                    assert_eq!(sums[r][c].to_bits(), sum.to_bits(), "{level:?}, {rows} rows: row {r}, column {c}");
                 }
             }
         }
