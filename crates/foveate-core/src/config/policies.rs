@@ -63,7 +63,8 @@ pub enum PolicyConfig {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         looks: Option<f64>,
     },
-    /// Scores all gazes of the grid for some frames, then keeps the best one. For a retina that covers one patch of the target.
+    /// Scores all gazes of the grid for some frames, then keeps the best one; all again while the target is lost. For a retina that covers
+    /// one patch of the target.
     ExploreThenCommit {
         /// The gazes.
         #[serde(default)]

@@ -2,8 +2,9 @@
 //!
 //! While the policy explores, it scores all gazes of a frame with equal weights and adds up their rewards. Then it uses the gaze with the
 //! largest sum ([`Policy::committed_gaze`]). The appearance has learned all gazes with one weight vector, or it is trained again under that
-//! gaze, from the first frame on. At intervals the policy explores for one frame again, and may change its choice. Use it with a sensor that reads only a part of the target: to read the whole
-//! target is expensive, and pays only until the best gaze is known.
+//! gaze, from the first frame on. At intervals the policy explores for one frame again, and may change its choice. While the target is
+//! lost, it looks at all gazes, too (the paper's conclusions); their rewards then do not count. Use it with a sensor that reads only a part of the target: to read the whole target is expensive, and pays only until the
+//! best gaze is known.
 //!
 //! Deviation: the paper's policies choose anew in every frame. The discriminant ([`Discriminant`](crate::identity::Discriminant)) learns
 //! most about what it sees in every frame.
@@ -16,7 +17,8 @@ use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 use serde_json::json;
 
-/// Scores all gazes for a number of frames, then uses the best of them, and scores all again in every n-th frame.
+/// Scores all gazes for a number of frames, then uses the best of them, and scores all again in every n-th frame and while the target is
+/// lost.
 #[derive(Clone, Debug)]
 pub struct ExploreThenCommit {
     gains: Gains,
@@ -25,6 +27,8 @@ pub struct ExploreThenCommit {
     every: u64,
     /// Frames so far.
     t: u64,
+    /// Whether the target is lost in this frame.
+    lost: bool,
 }
 
 impl ExploreThenCommit {
@@ -34,10 +38,11 @@ impl ExploreThenCommit {
         if gazes.is_empty() {
             return Err(Error::Config("explore-then-commit needs one gaze at least to choose from".into()));
         }
-        Ok(Self { gains: Gains::new(gazes, Schedule::Anytime), frames, every, t: 0 })
+        Ok(Self { gains: Gains::new(gazes, Schedule::Anytime), frames, every, t: 0, lost: false })
     }
+    /// Returns whether the rewards of this frame count.
     fn explores(&self) -> bool {
-        self.t < self.frames || self.every > 0 && self.t.is_multiple_of(self.every)
+        !self.lost && (self.t < self.frames || self.every > 0 && self.t.is_multiple_of(self.every))
     }
     /// Returns the gaze with the largest reward; among equal ones the one nearest to the centre.
     fn best(&self) -> usize {
@@ -60,9 +65,10 @@ fn far(gaze: &Gaze) -> f64 {
 }
 
 impl Policy for ExploreThenCommit {
-    fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
+    fn plan(&mut self, context: &Context, plan: &mut Plan, _: &mut Rng) {
+        self.lost = context.lost;
         let gazes = &self.gains.gazes;
-        if !self.explores() {
+        if !self.lost && !self.explores() {
             return plan.only(gazes[self.best()]);
         }
         plan.clear();
@@ -140,6 +146,22 @@ mod tests {
                 let rewards: Vec<f64> = plan.gazes().iter().map(reward).collect();
                 it.learn(&plan, &rewards);
             }
+        }
+    }
+
+    /// While the target is lost it looks at all gazes and counts no reward; then it returns to the gaze that was best before.
+    #[test]
+    fn it_looks_at_all_gazes_while_the_target_is_lost() {
+        let (mut plan, mut rng) = (Plan::new(), Streams::new(1, 0).at(0, Purpose::Look).rng(0));
+        let mut it = policy(4, 5);
+        for t in 0..30 {
+            let lost = (10..20).contains(&t);
+            it.plan(&Context { lost, ..Context::default() }, &mut plan, &mut rng);
+            assert_eq!(plan.gazes().len(), if lost || t < 4 || t % 5 == 0 { 9 } else { 1 }, "frame {t}");
+            let good = if lost { 2 } else { 7 };
+            let rewards: Vec<f64> = plan.gazes().iter().map(|g| f64::from(u8::from(g.arm == Some(good)))).collect();
+            it.learn(&plan, &rewards);
+            assert!(t < 3 || it.committed_gaze().and_then(|gaze| gaze.arm) == Some(7), "frame {t}");
         }
     }
 
