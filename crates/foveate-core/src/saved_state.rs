@@ -87,7 +87,8 @@ impl SavedState {
     }
     /// Returns the state of the part `name` of this part, which fits any settings.
     pub(crate) fn part_read<T: DeserializeOwned>(&self, name: &str) -> Result<T> {
-        self.part(name).0.read().map_err(|error| refused(name, &error.to_string()))
+        let none = Node::default();
+        self.0.get(name).unwrap_or(&none).read().map_err(|error| refused(name, &error.to_string()))
     }
     /// Returns the state of the part `name` of this part, as [`SavedState::state`].
     pub(crate) fn part_state<S: ?Sized, T: DeserializeOwned + Validate<S>>(

@@ -3,8 +3,8 @@
 //! While the policy explores, it scores all gazes of a frame with equal weights and adds up their rewards. Then it uses the gaze with the
 //! largest sum ([`Policy::committed_gaze`]). The appearance has learned all gazes with one weight vector, or it is trained again under that
 //! gaze, from the first frame on. At intervals the policy explores for one frame again, and may change its choice. While the target is
-//! lost, it looks at all gazes, too (the paper's conclusions); their rewards then do not count. Use it with a sensor that reads only a part of the target: to read the whole target is expensive, and pays only until the
-//! best gaze is known.
+//! lost, it looks at all gazes, too (the paper's conclusions); their rewards then do not count. Use it with a sensor that reads only a part
+//! of the target: to read the whole target is expensive, and pays only until the best gaze is known.
 //!
 //! Deviation: the paper's policies choose anew in every frame. The discriminant ([`Discriminant`](crate::identity::Discriminant)) learns
 //! most about what it sees in every frame.
