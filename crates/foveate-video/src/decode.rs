@@ -1,4 +1,4 @@
-//! PNG and JPEG bytes to pictures.
+//! Bytes of picture files to pictures: PNG, JPEG, BMP, WebP, TIFF.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -6,6 +6,7 @@ use std::path::Path;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use crate::jpeg;
+use crate::tiff::{Range, only_page};
 use foveate_base::{Error, Result, files, memory};
 use foveate_core::scene::Image;
 
@@ -15,36 +16,44 @@ pub const MAX_SIDE: usize = 16384;
 const MAX_STACK: usize = 1 << 20;
 /// Most bytes of a PNG's rows and texts; a colour profile that unpacks to more is skipped.
 const MAX_CHUNKS: u64 = 16 << 20;
+/// How many bytes tell the kind of a picture.
+pub(super) const KIND: usize = 12;
 
-/// Decodes a picture from the bytes of a PNG or JPEG file; the content decides which.
+/// Decodes a picture from the bytes of a PNG, JPEG, BMP, WebP or TIFF file; the content decides which.
 ///
 /// Grey stays one plane, colour becomes three; 16 bits are reduced to 8, transparency is dropped,
-/// and a camera's orientation mark is applied, so the picture is as people see it.
+/// and a camera's orientation mark is applied, so the picture is as people see it. TIFF of more than 8 bits is stretched: its
+/// least value becomes 0, its greatest 255.
 ///
 /// # Errors
 /// A text with expectation and finding if the bytes are of another kind, damaged or truncated, have a side above
-/// [`MAX_SIDE`], or claim more pixels than [`memory::limit`] allows.
+/// [`MAX_SIDE`], claim more pixels than [`memory::limit`] allows, or have several pages.
 pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
-    decode_up_to(bytes, MAX_SIDE)
+    decode_next(bytes, &mut None)
 }
 
-/// The same for a PNG of this height at most.
-fn decode_up_to(bytes: &[u8], height: usize) -> std::result::Result<Image, String> {
+/// The same for one of several pictures: TIFF is stretched as the first of them was.
+pub(crate) fn decode_next(bytes: &[u8], range: &mut Range) -> std::result::Result<Image, String> {
+    decode_up_to(bytes, MAX_SIDE, range)
+}
+
+/// The same for a picture of this height at most, except for JPEG and TIFF.
+fn decode_up_to(bytes: &[u8], height: usize, range: &mut Range) -> std::result::Result<Image, String> {
     let kind = image_kind(bytes).ok_or_else(|| match bytes {
-        [] => "the file is empty (0 bytes); expected a PNG or JPEG picture".to_owned(),
-        _ => "expected a PNG or JPEG picture, found other data; convert it first".to_owned(),
+        [] => "the file is empty (0 bytes); expected a picture".to_owned(),
+        _ => "expected a PNG, JPEG, BMP, WebP or TIFF picture, found other data; convert it first".to_owned(),
     })?;
     // The decoders answer damage with an error; a panic of theirs must not end the program either.
     let decoded = foveate_base::quiet::catch(|| match kind {
-        ImageFormat::Jpeg => jpeg::decode(bytes, MAX_SIDE),
-        _ => png(bytes, height),
+        ImageFormat::Tiff => only_page(bytes, MAX_SIDE, range),
+        ImageFormat::Jpeg => planar(&jpeg::decode(bytes, MAX_SIDE)?),
+        _ => planar(&other(kind, bytes, height)?),
     });
-    let name = if kind == ImageFormat::Png { "PNG" } else { "JPEG" };
-    let image = decoded.map_err(|panic| format!("the {name} data is damaged ({panic}); copy the file again"))??;
-    planar(&image).map_err(|error| error.to_string())
+    let name = name(kind);
+    decoded.map_err(|panic| format!("the {name} data is damaged ({panic}); copy the file again"))?
 }
 
-/// Reads a PNG or JPEG file; see [`decode_image`].
+/// Reads a picture's file; see [`decode_image`].
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Malformed`], naming the file.
@@ -61,21 +70,34 @@ pub fn read_image(path: impl AsRef<Path>) -> Result<Image> {
 pub fn read_stack(path: impl AsRef<Path>) -> Result<Image> {
     let path = path.as_ref();
     let bytes = files::read(path, files::PICTURE)?;
-    decode_up_to(&bytes, MAX_STACK).map_err(|problem| Error::malformed(path, problem))
+    decode_up_to(&bytes, MAX_STACK, &mut None).map_err(|problem| Error::malformed(path, problem))
 }
 
-/// PNG or JPEG, by the first bytes.
+/// The kind of picture, by the first bytes, of which [`KIND`] suffice.
 pub(super) fn image_kind(bytes: &[u8]) -> Option<ImageFormat> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => Some(ImageFormat::Png),
         [0xff, 0xd8, 0xff, ..] => Some(ImageFormat::Jpeg),
+        [b'B', b'M', _, _, _, _, 0, 0, 0, 0, ..] => Some(ImageFormat::Bmp),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Some(ImageFormat::WebP),
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Some(ImageFormat::Tiff),
         _ => None,
     }
 }
 
-fn planar(image: &DynamicImage) -> Result<Image> {
+fn name(kind: ImageFormat) -> &'static str {
+    match kind {
+        ImageFormat::Jpeg => "JPEG",
+        ImageFormat::Bmp => "BMP",
+        ImageFormat::WebP => "WebP",
+        ImageFormat::Tiff => "TIFF",
+        _ => "PNG",
+    }
+}
+
+fn planar(image: &DynamicImage) -> std::result::Result<Image, String> {
     let (width, height) = (image.width() as usize, image.height() as usize);
-    match image.color() {
+    let image = match image.color() {
         ColorType::L8 | ColorType::La8 | ColorType::L16 | ColorType::La16 => {
             Image::new(width, height, 1, image.to_luma8().into_raw())
         }
@@ -83,12 +105,22 @@ fn planar(image: &DynamicImage) -> Result<Image> {
             Some(rgb) => Image::from_rgb8(width, height, rgb.as_raw()),
             None => Image::from_rgb8(width, height, image.to_rgb8().as_raw()),
         },
-    }
+    };
+    image.map_err(|error| error.to_string())
 }
 
-fn png(bytes: &[u8], height: usize) -> std::result::Result<DynamicImage, String> {
-    let damaged = |error: ImageError| format!("the PNG data is damaged or unusual ({error}); copy or convert it");
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+fn other(kind: ImageFormat, bytes: &[u8], height: usize) -> std::result::Result<DynamicImage, String> {
+    let name = name(kind);
+    if kind == ImageFormat::WebP
+        && bytes.get(12..16) == Some(b"VP8X")
+        && bytes.get(20).is_some_and(|flags| flags & 2 != 0)
+    {
+        return Err(
+            "the file is an animation, whose frames are not read; convert them to pictures or to a video".into()
+        );
+    }
+    let damaged = |error: ImageError| format!("the {name} data is damaged or unusual ({error}); copy or convert it");
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), kind);
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(height as u32);
@@ -133,6 +165,28 @@ mod tests {
         for planes in [1, 3] {
             let image = noise(13, 7, planes);
             assert_eq!(decode_image(&encode_png(&image)).expect("a PNG"), image);
+        }
+    }
+
+    #[test]
+    fn bmp_and_webp_come_back_as_they_were() {
+        let image = noise(13, 7, 3);
+        let pixels = DynamicImage::ImageRgb8(image::RgbImage::from_raw(13, 7, image.to_rgb8()).expect("as many bytes"));
+        for kind in [ImageFormat::Bmp, ImageFormat::WebP] {
+            let mut bytes = Cursor::new(Vec::new());
+            pixels.write_to(&mut bytes, kind).expect("memory");
+            let mut bytes = bytes.into_inner();
+            assert_eq!(decode_image(&bytes), Ok(image.clone()));
+            (0..bytes.len() - 12).for_each(|n| assert!(decode_image(&bytes[..n]).is_err(), "{kind:?}: {n} bytes"));
+            if kind == ImageFormat::WebP {
+                let flags = [10, 0, 0, 0, 2, 0, 0, 0, 12, 0, 0, 6, 0, 0];
+                let animated = [&bytes[..12], b"VP8X", &flags].concat();
+                assert!(decode_image(&animated).expect_err("frames").contains("animation"));
+                continue;
+            }
+            // Its header claims a width of 2^31 - 1 pixels.
+            bytes[18..22].copy_from_slice(&i32::MAX.to_le_bytes());
+            assert!(decode_image(&bytes).is_err());
         }
     }
 

@@ -3,17 +3,18 @@
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
-use crate::decode::decode_image;
+use crate::decode::decode_next;
 use crate::sandbox::Apart;
+use crate::tiff::Range;
 use crate::{Frame, FrameSource, Interrupt, Options, SourceInfo};
 use foveate_base::text::counted;
 use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
 
 /// Default frames a second.
-const RATE: f64 = 30.0;
+pub(crate) const RATE: f64 = 30.0;
 
-/// Frames from the PNG and JPEG files of one folder.
+/// Frames from the pictures of one folder: PNG, JPEG, BMP, WebP, TIFF of one page.
 ///
 /// All frames have the size and the number of planes of the first: another size is an error, grey
 /// and colour are converted. Hidden files, subfolders and files of other kinds are passed over.
@@ -24,6 +25,7 @@ pub struct ImageFolder {
     planes: usize,
     next: usize,
     first: Option<Image>,
+    range: Range,
     sandbox: Option<Apart>,
 }
 
@@ -31,7 +33,7 @@ impl ImageFolder {
     /// Opens a folder, or the one inside that holds the frames ([`frames_folder`]).
     ///
     /// # Errors
-    /// Fails if the folder cannot be read, has no PNG or JPEG file, or the first cannot be decoded.
+    /// Fails if the folder cannot be read, has no picture, or the first cannot be decoded.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::from_files(image_files(path)?)
     }
@@ -54,7 +56,8 @@ impl ImageFolder {
         };
         let sandbox = options.sandbox.as_ref().map(|sandbox| Apart::pictures(sandbox, files.len()));
         let mut sandbox = sandbox.transpose().map_err(|problem| Error::malformed(path, problem))?;
-        let first = load(path, 0, sandbox.as_mut())?;
+        let mut range = None;
+        let first = load(path, 0, sandbox.as_mut(), &mut range)?;
         let info = SourceInfo {
             width: first.width(),
             height: first.height(),
@@ -62,14 +65,14 @@ impl ImageFolder {
             rate: RATE,
             reader: if files.len() == 1 { "one image" } else { "image folder" }.into(),
         };
-        Ok(Self { info, planes: first.planes(), files, next: 0, first: Some(first), sandbox })
+        Ok(Self { info, planes: first.planes(), files, next: 0, first: Some(first), range, sandbox })
     }
 
     fn load(&mut self, index: usize) -> Result<Image> {
         let path = &self.files[index];
         let image = match self.first.take() {
             Some(first) if index == 0 => first,
-            _ => load(path, index, self.sandbox.as_mut())?,
+            _ => load(path, index, self.sandbox.as_mut(), &mut self.range)?,
         };
         if image.size() != self.info.size() {
             let problem = format!(
@@ -120,7 +123,7 @@ pub fn frames_folder(path: &Path) -> PathBuf {
     INNER.iter().map(|name| path.join(name)).find(|inner| inner.is_dir()).unwrap_or_else(|| path.to_owned())
 }
 
-/// The PNG and JPEG files of [`frames_folder`] in natural order.
+/// The pictures of [`frames_folder`] in natural order.
 ///
 /// # Errors
 /// Fails if the folder cannot be read, has none, has two for one frame (`1.jpg` and `1.png`), or has video files, too, as the folder of a
@@ -161,15 +164,11 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     if files.is_empty() {
         let found = if others == 0 { "no files".to_owned() } else { counted(others, "file") + " of other kinds" };
         let remedy = match foreign {
-            Some(end) => {
-                let split =
-                    if end.starts_with("tif") { " (a file of several pages first: tiffsplit FILE)" } else { "" };
-                format!("convert the .{end} files{split}: ffmpeg -pattern_type glob -i '*.{end}' %06d.png")
-            }
+            Some(end) => format!("convert the .{end} files: ffmpeg -pattern_type glob -i '*.{end}' %06d.png"),
             None => "give the folder that holds the frames".to_owned(),
         };
         let problem = format!(
-            "expected .jpg, .jpeg or .png files (here, or in a subfolder img, img1 or color), found {found}; {remedy}"
+            "expected .jpg, .png, .bmp, .webp or .tif files (here, or in a subfolder img, img1 or color), found {found}; {remedy}"
         );
         return Err(Error::malformed(folder, problem));
     }
@@ -186,9 +185,10 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Whether a file of this name is a frame of the folder that it is in: one that ends in .jpg, .jpeg or .png, and is not hidden.
+/// Whether a file of this name is a frame of the folder that it is in: one that ends as a picture does, and is not hidden.
 pub fn is_image(path: &Path) -> bool {
-    matches!(ending(path).as_deref(), Some("jpg" | "jpeg" | "png")) && !is_hidden(path)
+    matches!(ending(path).as_deref(), Some("jpg" | "jpeg" | "png" | "bmp" | "webp" | "tif" | "tiff"))
+        && !is_hidden(path)
 }
 
 /// The ending of a file's name, in small letters.
@@ -197,12 +197,12 @@ fn ending(path: &Path) -> Option<String> {
 }
 
 /// How the names of pictures end that ffmpeg reads and foveate does not.
-const FOREIGN: [&str; 8] = ["tif", "tiff", "bmp", "webp", "gif", "pgm", "ppm", "jp2"];
+const FOREIGN: [&str; 4] = ["gif", "pgm", "ppm", "jp2"];
 
-/// How the names of video files end.
-const VIDEOS: [&str; 18] = [
+/// How the names of video files and of stacks of pictures end.
+const VIDEOS: [&str; 20] = [
     "mp4", "m4v", "mov", "y4m", "mkv", "webm", "avi", "mpg", "mpeg", "ts", "mts", "m2ts", "wmv", "flv", "ogv", "3gp",
-    "mxf", "vob",
+    "mxf", "vob", "tif", "tiff",
 ];
 /// A result of ours: it may lie in the folder of the frames.
 const FILM: &str = "annotated.mp4";
@@ -216,10 +216,10 @@ fn is_hidden(path: &Path) -> bool {
     path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'))
 }
 
-fn load(path: &Path, index: usize, sandbox: Option<&mut Apart>) -> Result<Image> {
+fn load(path: &Path, index: usize, sandbox: Option<&mut Apart>, range: &mut Range) -> Result<Image> {
     let decode = |bytes: Vec<u8>| match sandbox {
         Some(apart) => apart.picture(&bytes),
-        None => decode_image(&bytes),
+        None => decode_next(&bytes, range),
     };
     files::read(path, files::PICTURE)
         .map_err(|error| error.to_string())
@@ -349,9 +349,9 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let text = ImageFolder::open(dir.path()).expect_err("empty").to_string();
         assert!(text.contains("found no files"), "{text}");
-        std::fs::write(dir.path().join("a.bmp"), "x").expect("a writable folder");
+        std::fs::write(dir.path().join("a.ppm"), "x").expect("a writable folder");
         let text = ImageFolder::open(dir.path()).expect_err("no images").to_string();
-        assert!(text.contains("1 file of other kinds; convert the .bmp files: ffmpeg"), "{text}");
+        assert!(text.contains("1 file of other kinds; convert the .ppm files: ffmpeg"), "{text}");
     }
 
     /// As a camera's folder: neither a picture that lies there nor one that comes later is taken for a frame.

@@ -7,18 +7,18 @@ use std::path::{Path, PathBuf};
 use image::ImageFormat;
 
 use crate::address::{is_live, other_protocol, without_password};
-use crate::decode::image_kind;
+use crate::decode::{KIND, image_kind};
 use crate::folder::image_files;
 use crate::piped::Piped;
 use crate::y4m::MAGIC;
-use crate::{Decoder, FrameSource, ImageFolder, Options, VideoFile, pattern};
+use crate::{Decoder, FrameSource, ImageFolder, Options, TiffStack, VideoFile, pattern};
 use foveate_base::{Error, Result};
 
 /// Videos that begin as a picture does, by how their names end.
 const MOVING: [&str; 3] = ["mjpeg", "mjpg", "apng"];
 
-/// Opens a folder of images, a numbered pattern of images (`frame%04d.png`), a video file, or one image (a source of
-/// one frame). The content decides; files with the endings `.mjpeg`, `.mjpg` and `.apng` are videos. `-` is standard
+/// Opens a folder of images, a numbered pattern of images (`frame%04d.png`), a video file, a TIFF stack, or one image (a
+/// source of one frame). The content decides; files with the endings `.mjpeg`, `.mjpg` and `.apng` are videos. `-` is standard
 /// input. Standard input, a fifo and a file `.y4m` are read as yuv4mpeg.
 ///
 /// # Errors
@@ -35,7 +35,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
 pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn FrameSource>> {
     let path = path.as_ref();
     let refused = |what: &str| {
-        let problem = format!("the sandbox decodes H.264 in MP4, PNG and JPEG alone; {what}, or leave out --sandbox");
+        let problem = format!("the sandbox decodes H.264 in MP4 and pictures alone; {what}, or leave out --sandbox");
         if options.sandbox.is_some() { Err(Error::malformed(path, problem)) } else { Ok(()) }
     };
     if options.raw.is_some() || path == Path::new("-") || is_live(path) {
@@ -84,7 +84,11 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
         return Err(Error::malformed(path, "the file is empty (0 bytes); expected a video or an image; copy it again"));
     }
     let moving = path.extension().is_some_and(|end| MOVING.iter().any(|moving| end.eq_ignore_ascii_case(moving)));
+    file.by_ref().take(KIND as u64 - head.len() as u64).read_to_end(&mut head).map_err(Error::io(path, cannot))?;
     let kind = image_kind(&head);
+    if kind == Some(ImageFormat::Tiff) && options.sandbox.is_none() {
+        return Ok(Box::new(TiffStack::open(path)?));
+    }
     if kind.is_some() && !moving && !(kind == Some(ImageFormat::Png) && is_animated(&mut file)) {
         return Ok(Box::new(ImageFolder::from_files_with(vec![path.to_owned()], options)?));
     }

@@ -34,7 +34,7 @@ pub struct Options {
     pub raw: Option<Raw>,
     /// Called with a line of text if the first frame suggests wrong options.
     pub notify: fn(&str),
-    /// Decodes H.264, PNG and JPEG in a child process without access to files and network. Other sources are refused.
+    /// Decodes H.264 and pictures in a child process without access to files and network. Other sources are refused.
     pub sandbox: Option<Sandbox>,
 }
 

@@ -33,7 +33,8 @@ pub(crate) fn files(path: &Path) -> Result<Option<Vec<PathBuf>>> {
     found.sort();
     if found.is_empty() {
         return Err(wrong(
-            "expected .jpg, .jpeg or .png files with numbers in the place of the pattern, found none".into(),
+            "expected .jpg, .png, .bmp, .webp or .tif files with numbers in the place of the pattern, found none"
+                .into(),
         ));
     }
     if let Some(gap) = found.windows(2).find(|pair| pair[1].0 != pair[0].0 + 1) {

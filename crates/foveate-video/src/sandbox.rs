@@ -65,7 +65,7 @@ impl Apart {
         Self::start(sandbox, Stdio::piped(), &Job { video: None, memory: memory::limit(), seconds }, &Leash::default())
     }
 
-    /// Decodes the bytes of a PNG or JPEG file, as [`crate::decode_image`] does.
+    /// Decodes the bytes of a picture's file, as [`crate::decode_image`] does.
     pub(crate) fn picture(&mut self, bytes: &[u8]) -> std::result::Result<Image, String> {
         let input = self.input.as_mut().expect("a child for pictures");
         // A child that has ended may have left the reason, which a broken pipe is not.

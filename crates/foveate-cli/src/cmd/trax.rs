@@ -20,7 +20,7 @@ const MOST: usize = 256;
 
 /// Track for a client of the TraX protocol, on standard input and output.
 ///
-/// Images are paths of PNG or JPEG files (`file://...`); regions are rectangles, polygons or masks, in pixels counted from 0. Responses are
+/// Images are paths of pictures (`file://...`); regions are rectangles, polygons or masks, in pixels counted from 0. Responses are
 /// rectangles with the property `confidence`, 1 - P(lost). Polygons and masks are replaced with their axis-aligned bounding boxes.
 ///
 /// By default, use version 3 of the protocol with one object. With --objects, use version 4 with several objects, each with its own

@@ -147,7 +147,7 @@ fn damage_is_reported_and_ends_the_session() {
         (&[], format!("@@TRAX:initialize {good} \"mask:0,0,9,9,81\"\n"), "is no box"),
         (&[], format!("@@TRAX:initialize \"http://a/1.jpg\" {own}\n"), "an image as http:"),
         (&[], format!("{begin}@@TRAX:frame \"file:///none.png\"\n"), "none.png: cannot read"),
-        (&[], format!("{begin}@@TRAX:frame \"{}\"\n", place.path("c.toml").display()), "expected a PNG or JPEG"),
+        (&[], format!("{begin}@@TRAX:frame \"{}\"\n", place.path("c.toml").display()), "expected a PNG, JPEG"),
         (&[], format!("{begin}@@TRAX:frame \"\n"), "quotation mark"),
         (&[], long, "more than 1048576 bytes"),
         (&[], "x".repeat(2 << 20), "more than 1048576 bytes"),

@@ -61,7 +61,7 @@ struct TrainingImage<'a> {
 }
 
 impl Source {
-    /// Reads MNIST's training digits from `dir` or `dir/mnist`, or all JPEG and PNG files of `dir/natural` or `dir`.
+    /// Reads MNIST's training digits from `dir` or `dir/mnist`, or all pictures of `dir/natural` or `dir`.
     pub fn load(set: Set, dir: &Path) -> Result<Self> {
         match set {
             Set::Digits => {

@@ -31,7 +31,7 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Reads every JPEG and PNG file of every folder in `dir`; a folder's name is its class. Skips folders and files with names that begin
+    /// Reads every picture of every folder in `dir`; a folder's name is its class. Skips folders and files with names that begin
     /// with a dot. Colours become grey unless `colours` is true, for a retina that reads colour.
     ///
     /// Fails if there are not two to 256 such folders, one has fewer than two pictures, or a picture cannot be read.

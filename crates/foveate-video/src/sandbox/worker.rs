@@ -8,7 +8,8 @@ use std::path::PathBuf;
 use super::job::Job;
 use super::limits::enter;
 use super::message::Message;
-use crate::{FrameSource, VideoFile, decode_image};
+use crate::decode::decode_next;
+use crate::{FrameSource, VideoFile};
 use foveate_base::{Error, memory};
 
 /// Runs the decoder if the arguments, without the program's own name, are those of a child. Returns the exit status, or `None` if the
@@ -74,11 +75,11 @@ fn video(name: PathBuf, input: File, length: u64, output: &mut impl Write) -> Re
 
 /// One answer to each length and that many bytes.
 fn pictures(mut input: File, output: &mut impl Write) -> Result<()> {
-    let (mut length, mut bytes) = ([0; 8], vec![]);
+    let (mut length, mut bytes, mut range) = ([0; 8], vec![], None);
     while input.read_exact(&mut length).is_ok() {
         bytes.clear();
         Read::by_ref(&mut input).take(u64::from_le_bytes(length)).read_to_end(&mut bytes)?;
-        match decode_image(&bytes) {
+        match decode_next(&bytes, &mut range) {
             Ok(image) => Message::Frame(0.0, image).write(output)?,
             Err(problem) => Message::Error(problem).write(output)?,
         }

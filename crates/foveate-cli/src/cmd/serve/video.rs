@@ -67,7 +67,11 @@ impl Reopen for Video {
 
 fn source(place: &Place, files: Option<&[PathBuf]>, from: usize, options: &Options) -> Result<Box<dyn FrameSource>> {
     match files {
-        Some(files) => Ok(Box::new(Pictures::new(place, files[from.min(files.len() - 1)..].to_vec(), options)?)),
+        Some(files) => {
+            let mut pictures = Pictures::new(place, files.to_vec(), options)?;
+            pictures.pass_over(from)?;
+            Ok(Box::new(pictures))
+        }
         None => {
             place.check(&place.real)?;
             open_with(&place.real, options)

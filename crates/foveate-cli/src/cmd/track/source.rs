@@ -28,7 +28,7 @@ pub(crate) struct DecoderArgs {
 
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct SandboxArg {
-    /// Decode H.264, PNG and JPEG in a child process without access to files and network; refuse other sources (Linux)
+    /// Decode H.264 and pictures in a child process without access to files and network; refuse other sources (Linux)
     #[arg(long)]
     sandbox: bool,
 }
