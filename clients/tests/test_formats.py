@@ -289,3 +289,21 @@ def test_spots_are_those_that_sleap_reads_of_trackmate(program: str, tracks: Tra
         for t, track in tracks.boxes.items()
     }
     Tracks(square, tracks.frames, tracks.size).same(read_back(program, tmp_path / "tracks_spots.csv", "trackmate", tracks.size), 1e-9)
+
+
+def test_shapes_are_those_that_napari_reads_and_writes(program: str, tracks: Tracks, tmp_path: Path) -> None:
+    reading, writing = need("napari_builtins.io._read", "napari_builtins.io._write")
+    (tmp_path / "task.xml").write_text(tracks.task())
+    target = max(tracks.boxes, key=lambda target: len(tracks.boxes[target]))
+    one = Tracks({1: tracks.boxes[target]}, tracks.frames, tracks.size)
+    command = [program, "convert", tmp_path / "task.xml", tmp_path / "shapes.csv", "--from", "cvat", "--to", "napari", "--id", str(target)]
+    subprocess.run(command, check=True, capture_output=True)
+    data, about, kind = reading.csv_to_layer_data(str(tmp_path / "shapes.csv"), require_type="shapes")
+    assert kind == "shapes" and set(about["shape_type"]) == {"rectangle"}
+    found = {}
+    for corners in data:
+        (t, top, left), (_, bottom, right) = corners.min(0), corners.max(0)
+        found[int(t)] = (left + 0.5, top + 0.5, right - left, bottom - top)
+    one.same({1: found}, 1e-9)
+    writing.napari_write_shapes(str(tmp_path / "theirs.csv"), data, about)
+    one.same(read_back(program, tmp_path / "theirs.csv", "napari", tracks.size), 1e-9)

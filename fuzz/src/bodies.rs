@@ -220,10 +220,10 @@ pub(crate) fn boxes(bytes: &[u8]) {
     }
 }
 
-/// CVAT's XML, COCO's and Label Studio's JSON, the CSV of VIAME and TrackMate.
+/// CVAT's XML, COCO's and Label Studio's JSON, the CSV of VIAME, TrackMate and napari.
 pub(crate) fn annotations(bytes: &[u8]) {
     let size = Some(Size { width: 64, height: 48 });
-    for format in [Format::Cvat, Format::Coco, Format::LabelStudio, Format::Viame, Format::Trackmate] {
+    for format in [Format::Cvat, Format::Coco, Format::LabelStudio, Format::Viame, Format::Trackmate, Format::Napari] {
         with_file("boxes", bytes, |path| {
             let Ok(boxes) = Boxes::read_of_size(format, path, size) else { return };
             let written = path.with_extension("written");

@@ -321,7 +321,7 @@ fn file_name(format: Format) -> &'static str {
     match format {
         Format::Cvat => "boxes.xml",
         Format::Coco | Format::LabelStudio => "boxes.json",
-        Format::Viame | Format::Trackmate => "boxes.csv",
+        Format::Viame | Format::Trackmate | Format::Napari => "boxes.csv",
         Format::Otb | Format::Vot | Format::Got10k | Format::Mot => "boxes.txt",
     }
 }

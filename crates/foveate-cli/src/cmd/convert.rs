@@ -3,6 +3,7 @@
 mod coco;
 mod cvat;
 mod label_studio;
+mod napari;
 mod single;
 mod trackmate;
 mod viame;
@@ -53,6 +54,8 @@ pub enum Format {
     Viame,
     /// Spots of TrackMate, CSV: centres and areas, in pixels
     Trackmate,
+    /// A layer of shapes of napari, CSV: one target
+    Napari,
 }
 
 impl Format {
@@ -335,6 +338,7 @@ fn read(format: Format, path: &Path, size: Option<Size>) -> Result<Boxes> {
         Format::LabelStudio => label_studio::read(path, size),
         Format::Viame => viame::read(path),
         Format::Trackmate => trackmate::read(path),
+        Format::Napari => napari::read(path),
     }
 }
 
@@ -359,5 +363,6 @@ fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
         Format::LabelStudio => label_studio::write(boxes, path),
         Format::Viame => viame::write(boxes, path),
         Format::Trackmate => trackmate::write(boxes, path),
+        Format::Napari => napari::write(boxes, path),
     }
 }

@@ -124,13 +124,47 @@ fn spots_of_trackmate_are_square_boxes() {
     }
 }
 
+#[test]
+fn shapes_of_napari_are_boxes() {
+    let place = Place::new();
+    place.write("boxes.txt", OTB);
+    place.convert("boxes.txt", "otb", "shapes.csv", "napari", &[]);
+    // The box from the first pixel on, of which the edge is half a pixel before the centre.
+    let shapes = place.read("shapes.csv");
+    assert!(shapes.starts_with("index,shape-type,vertex-index,axis-0,axis-1,axis-2\n0,rectangle,0,0,"), "{shapes}");
+    place.convert("shapes.csv", "napari", "back.txt", "otb", &[]);
+    place.convert("boxes.txt", "otb", "there.txt", "otb", &[]);
+    assert_eq!(
+        place.read("back.txt").trim_end(),
+        place.read("there.txt").trim_end_matches("NaN,NaN,NaN,NaN\n").trim_end()
+    );
+    let head = shapes.lines().next().expect("a head");
+    // Drawn from the lower right corner on, in the third frame, and an ellipse.
+    let drawn = "1,ellipse,0,2,9.5,19.5\n1,ellipse,1,2,9.5,9.5\n1,ellipse,2,2,4.5,9.5\n1,ellipse,3,2,4.5,19.5\n";
+    place.write("drawn.csv", &format!("{head}\n{drawn}"));
+    let lost = place.convert("drawn.csv", "napari", "back.txt", "mot", &[]);
+    assert_eq!(place.read("back.txt"), "3,1,11,6,10,5,1,-1,-1,-1\n");
+    assert!(lost.contains("1 shapes are no rectangles"), "{lost}");
+    for (from, to, problem) in [
+        ("axis-2", "axis-3", "line 1: expected the columns index,shape-type"),
+        (",2,9.5,19.5", ",nan,9.5,19.5", "line 2: axis-0: expected a number, found \"nan\""),
+        (",1,2,9.5", ",1,3,9.5", "line 3: shape 1 lies in the frames 2 and 3; expected one"),
+        (",2,2,4.5,9.5", ",2,2,4.5", "line 4: expected 6 fields between commas, found 5"),
+        ("4.5", "9.5", "shape 1:"),
+    ] {
+        place.write("wrong.csv", &place.read("drawn.csv").replace(from, to));
+        let failure = place.failure("wrong.csv", "napari", "mot");
+        assert!(failure.contains(problem), "{failure}");
+    }
+}
+
 /// Spreadsheets and editors of Windows put a mark before a text.
 #[test]
 fn a_byte_order_mark_is_passed_over() {
     let place = Place::new();
     place.write("boxes.txt", OTB);
     let size = ["--size", "64x48"];
-    for format in ["otb", "vot", "mot", "coco", "cvat", "label-studio", "viame", "trackmate"] {
+    for format in ["otb", "vot", "mot", "coco", "cvat", "label-studio", "viame", "trackmate", "napari"] {
         place.convert("boxes.txt", "otb", "plain", format, &size);
         place.write("marked", &format!("\u{feff}{}", place.read("plain")));
         place.convert("plain", format, "there", "mot", &size);

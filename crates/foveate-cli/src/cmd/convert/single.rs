@@ -10,7 +10,7 @@ use foveate::{BBox, Error, Result, files};
 use super::{Boxes, Format};
 
 /// The id of the only target.
-const ID: i64 = 1;
+pub(super) const ID: i64 = 1;
 
 pub(super) fn read(format: Format, path: &Path) -> Result<Boxes> {
     let mut boxes = Boxes::default();
@@ -49,7 +49,8 @@ fn shapes(path: &Path) -> Result<[usize; 2]> {
     Ok([polygons, text.lines().filter(|line| is_mask(line)).count()])
 }
 
-pub(super) fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
+/// Refuses boxes of several targets, and without ids.
+pub(super) fn check_one(boxes: &mut Boxes) -> Result<()> {
     let ids: Vec<i64> = boxes.ids().into_iter().collect();
     if let [-1] = ids[..] {
         let n = boxes.tracks.len();
@@ -66,6 +67,11 @@ pub(super) fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()
         )));
     }
     boxes.lose(ids.iter().filter(|id| **id != ID).count(), "id other than 1 is left out");
+    Ok(())
+}
+
+pub(super) fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
+    check_one(boxes)?;
     boxes.lose_confidence();
     let mut truth = vec![None; boxes.frames];
     boxes.tracks.iter().for_each(|b| truth[b.frame] = Some(b.bbox));
