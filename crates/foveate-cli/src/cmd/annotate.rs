@@ -101,10 +101,12 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let spans = track(&args, &options, &about, (&blueprint, seed), &targets)?;
     let checks = check_first(&spans, LISTED);
     let names = names(&boxes, &targets);
-    let verdict = verdict(&spans, &checks);
+    let needed = needed(&spans, &checks, GOOD[0], GOOD[1]);
+    let verdict = verdict(&spans, &checks, needed);
     let tracks = tracks(&spans, &targets);
     let left_out = spans.iter().map(|span| span.boxes.len()).sum::<usize>() - tracks.len();
-    let shown = pictures(&args, &options, &checks, &spans)?;
+    let first = needed.unwrap_or(checks.len()).min(PICTURES);
+    let shown = pictures(&args, &options, &checks[..first], &spans)?;
     let keys: Vec<(usize, usize)> =
         targets.iter().enumerate().flat_map(|(k, target)| target.keys.keys().map(move |frame| (k, *frame))).collect();
     let title = args.source.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -247,11 +249,11 @@ fn tracks(spans: &[Span], targets: &[Target]) -> Vec<TrackBox> {
     tracks
 }
 
-fn verdict(spans: &[Span], checks: &[Check]) -> String {
+fn verdict(spans: &[Span], checks: &[Check], needed: Option<usize>) -> String {
     let ious: Vec<f64> = spans.iter().flat_map(|span| &span.boxes).map(|joined| joined.iou).collect();
     let mean = ious.iter().sum::<f64>() / ious.len().max(1) as f64;
     let weak = ious.iter().filter(|iou| **iou < GOOD[1]).count();
-    let after = match needed(spans, checks, GOOD[0], GOOD[1]) {
+    let after = match needed {
         Some(0) => "No correction is needed for a mean of 0.8 with no box below 0.5.".into(),
         Some(n) => {
             let first = if n == 1 { "correction".into() } else { counted(n, "correction") };
@@ -276,8 +278,7 @@ fn names(boxes: &Boxes, targets: &[Target]) -> Vec<String> {
 }
 
 /// Reads the frames to show once more.
-fn pictures(args: &Args, options: &Options, checks: &[Check], spans: &[Span]) -> Result<Vec<Shown>> {
-    let shown = &checks[..checks.len().min(PICTURES)];
+fn pictures(args: &Args, options: &Options, shown: &[Check], spans: &[Span]) -> Result<Vec<Shown>> {
     let Some(last) = shown.iter().map(|check| check.frame).max() else { return Ok(vec![]) };
     let mut pictures: Vec<Option<Vec<u8>>> = vec![None; shown.len()];
     for frame in open_with(&args.source, options)?.take(last + 1) {

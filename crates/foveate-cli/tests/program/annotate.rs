@@ -53,11 +53,25 @@ fn key_frames_are_exact_and_the_others_are_tracked() {
     let check = String::from_utf8(place.read("out/check.csv")).expect("text");
     assert!(check.starts_with("rank,frame,id,expected_iou,gain,mean_after,least_after\n1,"), "{check}");
     let page = String::from_utf8(place.read("out/check.html")).expect("text");
-    assert!(
-        page.contains("Expected mean IoU")
-            && page.contains("data:image/jpeg;base64,")
-            && page.contains("stroke=\"var(--target)\"")
-    );
+    assert!(page.contains("Expected mean IoU") && page.contains("stroke=\"var(--target)\""));
+    assert!(page.contains("No correction is needed") && page.contains("<p>None.") && !page.contains("image/jpeg"));
+}
+
+#[test]
+fn the_page_shows_the_frames_that_need_a_correction() {
+    let (place, truth) = scene();
+    write_keys(&place, "keys.txt", &truth, &[99]);
+    // A few particles lose the target on the way back.
+    annotate(&place, "keys.txt", "out", &["--set", "particles=3"]);
+    let page = String::from_utf8(place.read("out/check.html")).expect("text");
+    let shown = page.matches("data:image/jpeg;base64,").count();
+    let said = page.split("After the ").nth(1).expect("corrections are needed").trim_start_matches("first ");
+    let needed = if said.starts_with("correction") {
+        1
+    } else {
+        said.split(' ').next().and_then(|n| n.parse().ok()).unwrap_or(0)
+    };
+    assert!(shown > 0 && shown == needed.min(24), "{shown} of {needed}: {said:.80}");
 }
 
 #[test]

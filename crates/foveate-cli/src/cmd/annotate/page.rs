@@ -74,6 +74,9 @@ pub(super) fn page(
         );
     }
     frames.push_str("</div>\n");
+    if shown.is_empty() {
+        frames = "<p>None. check.csv lists the frames whose correction would still help most.</p>\n".into();
+    }
     let end = spans.iter().map(|span| span.from + span.boxes.len()).max().unwrap_or(1);
     let charts: String = names
         .iter()
