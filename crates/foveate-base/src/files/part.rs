@@ -14,6 +14,8 @@ use super::faults::{Operation, attempt};
 /// Files that a process of another system or user left are litter from this age on: a process that is not visible here, in another
 /// container, writes more often.
 const ABANDONED: Duration = Duration::from_secs(60);
+/// The same where it is not known which processes run.
+const LONG_ABANDONED: Duration = Duration::from_secs(24 * 3600);
 /// Bytes of a final name that go into a temporary one.
 const SHOWN: usize = 80;
 
@@ -232,10 +234,10 @@ pub fn sweep(folder: &Path) {
     for entry in entries.flatten() {
         let (name, path) = (entry.file_name(), entry.path());
         let Some((process, system)) = name.to_str().and_then(writer) else { continue };
-        if is_running(process) {
-            continue;
-        }
-        let is_left = || system == self::system() || is_old(&path);
+        let is_left = || match is_running(process) {
+            Some(running) => !running && (system == self::system() || is_old(&path, ABANDONED)),
+            None => process != std::process::id() && is_old(&path, LONG_ABANDONED),
+        };
         // Files that cannot be removed do no harm; links and devices were not made here.
         let _ = match entry.file_type() {
             Ok(kind) if kind.is_file() && is_left() => std::fs::remove_file(path),
@@ -254,17 +256,17 @@ fn writer(name: &str) -> Option<(u32, u32)> {
     is_ours.then(|| Some((process.parse().ok()?, system)))?
 }
 
-/// If that is unknown, all count as running.
-fn is_running(process: u32) -> bool {
-    !Path::new("/proc/self").exists() || Path::new("/proc").join(process.to_string()).exists()
+/// `None` if that is unknown.
+fn is_running(process: u32) -> Option<bool> {
+    (cfg!(unix) && Path::new("/proc/self").exists()).then(|| Path::new("/proc").join(process.to_string()).exists())
 }
 
-/// Whether nothing was written to it for long; of a folder, nor to anything in it.
-fn is_old(path: &Path) -> bool {
+/// Whether nothing was written to it for so long; of a folder, nor to anything in it.
+fn is_old(path: &Path, least: Duration) -> bool {
     let Ok(about) = std::fs::symlink_metadata(path) else { return false };
     let age = about.modified().ok().and_then(|time| SystemTime::now().duration_since(time).ok());
     let mut inside = if about.is_dir() { std::fs::read_dir(path).ok() } else { None }.into_iter().flatten().flatten();
-    age.is_some_and(|age| age > ABANDONED) && inside.all(|entry| is_old(&entry.path()))
+    age.is_some_and(|age| age > least) && inside.all(|entry| is_old(&entry.path(), least))
 }
 
 #[cfg(test)]
@@ -281,13 +283,16 @@ mod tests {
         let fresh = dir.path().join(format!(".c.txt.{dead}-0123456789abcdef.tmp"));
         for file in [&litter(dead), &litter(ours), &mine, &fresh] {
             let file = File::create(file).expect("writable");
-            file.set_modified(SystemTime::now() - 2 * ABANDONED).expect("a time");
+            file.set_modified(SystemTime::now() - 2 * LONG_ABANDONED).expect("a time");
         }
         File::options().write(true).open(&fresh).expect("there").set_modified(SystemTime::now()).expect("a time");
         let killed = dir.path().join(format!(".d.txt.{dead}-{:08x}01234567.tmp", system()));
         File::create(&killed).expect("writable");
         let mut part = Part::beside(&path).expect("writable");
-        assert!(!killed.exists() || !Path::new("/proc/self").exists(), "it is known to be dead, however new");
+        assert!(
+            !killed.exists() || !cfg!(unix) || !Path::new("/proc/self").exists(),
+            "it is known to be dead, however new"
+        );
         assert!(!litter(dead).exists() && litter(ours).exists() && mine.exists() && fresh.exists());
         part.write_all(b"text").expect("written");
         let other = Part::beside(&path).expect("writable");
