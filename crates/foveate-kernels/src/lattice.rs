@@ -204,6 +204,7 @@ mod tests {
     /// Bit for bit the same with AVX2, AVX-512 and NEON, so that the track does not depend on the processor.
     #[test]
     fn maps_are_the_same_with_all_that_multiply_and_add_at_once() {
+        foveate_testing::need!(foveate_testing::fused_multiply_add());
         let (columns, rows) = (16, 11);
         let cells = values((2 * columns + 2) * (2 * rows + 2), 1);
         let maps = |at: &dyn Fn(&mut [f32], &mut [f32])| {

@@ -239,6 +239,7 @@ mod tests {
     /// The bits of multiply-adds in order, at every level that has them.
     #[test]
     fn sums_run_over_the_words_in_order() {
+        foveate_testing::need!(foveate_testing::fused_multiply_add());
         const DEPTH: usize = 37;
         let words: Vec<u32> = values(BLOCK * DEPTH, 1).into_iter().map(f32::to_bits).collect();
         let weights = values(TILE * DEPTH, 2);

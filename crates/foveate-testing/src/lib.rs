@@ -32,6 +32,16 @@ macro_rules! need {
     };
 }
 
+/// A multiply-add that rounds once where the processor's base has no instruction for it: that of some C libraries for Windows rounds twice.
+///
+/// # Errors
+/// A text for [`need!`].
+pub fn fused_multiply_add() -> Result<(), &'static str> {
+    let (half, little) = (std::hint::black_box(1.0 + 2f32.powi(-12)), std::hint::black_box(2f32.powi(-80)));
+    let once = half.mul_add(half, little) > 1.0 + 2f32.powi(-11);
+    once.then_some(()).ok_or("C library whose fmaf rounds once")
+}
+
 /// Records that this test, or a part of it, does not run because `missing` is missing.
 ///
 /// # Panics
