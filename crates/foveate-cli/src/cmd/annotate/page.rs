@@ -107,5 +107,5 @@ fn chart(spans: &[&Span], keys: &[usize], end: usize) -> String {
     let keys = Mark::dots("#e69f00", 3.0, keys.iter().map(|frame| ((frame + 1) as f64, 0.0)));
     let marks = spans.iter().map(line).chain([keys]).collect();
     let x = Axis::new("frame").between(1.0, end.max(2) as f64);
-    render(&[Chart { x, y: Axis::default().between(0.0, 1.0), marks, ..Chart::default() }], 1, CHART)
+    render(&[Chart { x, y: Axis::new("expected IoU").between(0.0, 1.0), marks, ..Chart::default() }], 1, CHART)
 }
