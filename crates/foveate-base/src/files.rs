@@ -45,7 +45,10 @@ fn whole(path: &Path, bytes: &[u8], begin: fn(&Path) -> std::io::Result<Part>) -
 /// # Errors
 /// [`Error::Io`] with the file if it cannot be read, [`Error::Malformed`] if it is of another kind or larger.
 pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
-    let path = path.as_ref();
+    bytes(path.as_ref(), most)
+}
+
+fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
     let found = std::fs::metadata(path).map_err(Error::io(path, "cannot read"))?;
     if !found.is_file() {
         return Err(Error::malformed(path, "not a regular file; copy its content into one"));

@@ -54,7 +54,10 @@ impl VideoFile {
     /// # Errors
     /// As [`VideoFile::open`], and if the chosen decoder cannot read it, or there is no sandbox here.
     pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Self> {
-        let path = path.as_ref();
+        Self::open_path(path.as_ref(), options)
+    }
+
+    fn open_path(path: &Path, options: &Options) -> Result<Self> {
         let file = File::open(path).map_err(Error::io(path, "cannot open"))?;
         let len = file.metadata().map_err(Error::io(path, "cannot open"))?.len();
         let Some(sandbox) = &options.sandbox else { return Self::read(path, Box::new(file), len, options) };

@@ -129,7 +129,10 @@ pub fn frames_folder(path: &Path) -> PathBuf {
 /// Fails if the folder cannot be read, has none, has two for one frame (`1.jpg` and `1.png`), or has video files, too, as the folder of a
 /// camera: pictures that lie beside videos are no frames of one.
 pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
-    let folder = frames_folder(path.as_ref());
+    files_in(frames_folder(path.as_ref()))
+}
+
+fn files_in(folder: PathBuf) -> Result<Vec<PathBuf>> {
     let (mut files, mut videos, mut others, mut foreign) = (Vec::new(), Vec::new(), 0, None);
     for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder, "cannot read the folder"))? {
         let file = entry.map_err(Error::io(&folder, "cannot read the folder"))?.path();

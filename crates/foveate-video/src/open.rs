@@ -33,7 +33,10 @@ pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
 /// # Errors
 /// As [`open`], and if the chosen decoder cannot read it.
 pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn FrameSource>> {
-    let path = path.as_ref();
+    open_path(path.as_ref(), options)
+}
+
+fn open_path(path: &Path, options: &Options) -> Result<Box<dyn FrameSource>> {
     let refused = |what: &str| {
         let problem = format!("the sandbox decodes H.264 in MP4 and pictures alone; {what}, or leave out --sandbox");
         if options.sandbox.is_some() { Err(Error::malformed(path, problem)) } else { Ok(()) }

@@ -32,7 +32,10 @@ impl TiffStack {
     /// # Errors
     /// It cannot be read, is no TIFF file, or its first page cannot be decoded.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        let name = path.as_ref();
+        Self::open_path(path.as_ref())
+    }
+
+    fn open_path(name: &Path) -> Result<Self> {
         let open = || Ok(BufReader::new(File::open(name).map_err(Error::io(name, "cannot open"))?));
         let wrong = |problem: String| Error::malformed(name, problem);
         let (mut pages, mut range) = (Pages::new(open()?, MAX_SIDE).map_err(wrong)?, None);

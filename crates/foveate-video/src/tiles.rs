@@ -53,7 +53,10 @@ impl TileFolder {
     /// # Errors
     /// Fails if it cannot be read, or its first frame has no tiles.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
+        Self::open_path(path.as_ref())
+    }
+
+    fn open_path(path: &Path) -> Result<Self> {
         let entries = std::fs::read_dir(path).map_err(Error::io(path, "cannot read the folder"))?;
         let mut frames: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(|p| is_frame(p)).collect();
         frames.sort_by(|a, b| crate::folder::natural(&a.to_string_lossy(), &b.to_string_lossy()));
@@ -225,11 +228,15 @@ fn load(frame: &Path, level: usize, at: (usize, usize)) -> Result<Image> {
 /// # Errors
 /// Fails if a side is 0, or files cannot be written.
 pub fn write_tiles(frame: impl AsRef<Path>, image: &Image, side: usize, levels: usize) -> Result<()> {
+    write_path(frame.as_ref(), image, side, levels)
+}
+
+fn write_path(frame: &Path, image: &Image, side: usize, levels: usize) -> Result<()> {
     if side == 0 || levels == 0 {
         return Err(Error::Invalid("tiles need a side and a level of at least 1".into()));
     }
     for level in 0..levels.min(LEVELS) {
-        let folder = frame.as_ref().join(level.to_string());
+        let folder = frame.join(level.to_string());
         std::fs::create_dir_all(&folder).map_err(Error::io(&folder, "cannot create"))?;
         let (width, height, bin) = (image.width(), image.height(), 1 << level);
         let span = side * bin;
