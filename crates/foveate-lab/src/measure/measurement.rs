@@ -297,6 +297,12 @@ fn measure_point(
                         "No oscillation {name}: errors about a constant fit as well with a probability of up to {chance:.2}."
                     ));
                 }
+                if let Some((tau, simpler)) = undamped(request.curve, &fitted) {
+                    notes.push(format!(
+                        "No decay {}: the 95 % interval of tau ({tau:.3} s) has no upper end. Fit {simpler}.",
+                        request.name()
+                    ));
+                }
                 fits.push(result(name, request, &points, &fitted, (axes.unit(), relative)));
             }
             Err(problem) => notes.push(format!("No fit {}: {problem}.", request.name())),
@@ -317,6 +323,19 @@ fn measure_point(
 fn usual(track: &[Position]) -> [f64; 3] {
     let known = |i: usize| median(track.iter().filter_map(|position| position.covariance.map(|c| c[i])));
     [known(0), 0.0, known(2)]
+}
+
+/// Returns the time constant of a curve whose points are compatible with an infinite one, by the interval of 1 / tau, and the curve without.
+fn undamped(curve: Curve, fitted: &Fitted) -> Option<(f64, &'static str)> {
+    let simpler = match curve {
+        Curve::Drag => Curve::Parabola,
+        Curve::Damped => Curve::Sine,
+        Curve::Exponential => Curve::Line,
+        Curve::Line | Curve::Parabola | Curve::Sine => return None,
+    };
+    let k = curve.parameters().iter().position(|(name, ..)| *name == "tau")?;
+    let (tau, error) = (fitted.values[k], fitted.covariance[k][k].sqrt());
+    (student(fitted.freedom) * error >= tau.abs()).then_some((tau, simpler.name()))
 }
 
 fn result(
@@ -440,6 +459,19 @@ pub(super) mod tests {
             assert!(g.error > 0.017 && g.error < 0.03, "{g:?}");
             assert!((measured.rows[20].smoothed[1].value[2] + 9.81).abs() < 0.5);
             assert!(measured.rows[12].measured.is_none());
+        }
+    }
+
+    /// A fall without drag has no time constant, a fall in syrup has one.
+    #[test]
+    fn a_fall_without_drag_has_no_time_constant() {
+        for (tau, simpler) in [(1e6, Some("parabola")), (0.2, None)] {
+            let point = |k: u32| {
+                let (t, error) = (f64::from(k) / 30.0, 0.003 * f64::from(k * 7919 % 13) - 0.018);
+                (t, Curve::Drag.at(&[1.0, 0.0, -9.81 * tau, tau], t) + error, 1e-4)
+            };
+            let fitted = fit(Curve::Drag, &(0..30).map(point).collect::<Vec<_>>()).expect("enough points");
+            assert_eq!(undamped(Curve::Drag, &fitted).map(|found| found.1), simpler, "{fitted:?}");
         }
     }
 

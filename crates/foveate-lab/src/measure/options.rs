@@ -51,22 +51,20 @@ impl FromStr for Ruler {
     fn from_str(text: &str) -> Parsed<Self> {
         const UNITS: [(&str, f64); 6] =
             [("mm", 1e-3), ("cm", 1e-2), ("km", 1e3), ("m", 1.0), ("in", 0.0254), ("ft", 0.3048)];
-        let parsed = || {
-            let (points, length) = text.split_once('=')?;
-            let [x1, y1, x2, y2] = numbers(points)?;
+        let read = || {
+            let (points, length) = text.split_once('=').ok_or("there is no \"=\"")?;
+            let [x1, y1, x2, y2] = numbers(points).ok_or("before \"=\" are not four numbers of at most 1e12")?;
             let named = UNITS.iter().find_map(|(name, metres)| Some((length.trim().strip_suffix(name)?, *metres)));
             let (length, metres) = named.unwrap_or((length, 1.0));
-            let (length, error) = value_with_error(length)?;
+            let (length, error) = value_with_error(length)
+                .ok_or("after \"=\" is no length above 0 and at most 1e12, alone or with +- and an error, then mm, cm, m, km, in or ft")?;
             let ends = [(x1 - 1.0, y1 - 1.0), (x2 - 1.0, y2 - 1.0)];
             let ruler = Self { ends, length: length * metres, error: error * metres };
-            ruler.scale().map(|_| ruler)
+            ruler.scale().map(|_| ruler).ok_or("both points are the same")
         };
-        let wrong = || {
-            format!(
-                "expected two points and a length such as 100,60,100,460=1.000+-0.002m and at most 1e12, got \"{text}\""
-            )
-        };
-        parsed().ok_or_else(wrong)
+        read().map_err(|problem: &str| {
+            format!("expected X1,Y1,X2,Y2=LENGTH such as 100,60,100,460=1.000+-0.002m, got \"{text}\": {problem}")
+        })
     }
 }
 
@@ -93,8 +91,15 @@ mod tests {
         assert!((scale("0,0,3,4=2ft").metres - 0.12192).abs() < 1e-12);
         assert_eq!(clock("240±0.5"), Ok(Clock { rate: 240.0, error: 0.5 }));
         assert_eq!(parse_point("1,2"), Ok((0.0, 1.0)));
-        for wrong in ["1,1,1,1=1m", "1,2,3=1m", "1,2,3,4", "1,2,3,4=-1m", "1,2,3,4=1lightyear"] {
-            assert!(wrong.parse::<Ruler>().is_err(), "{wrong}");
+        for (wrong, problem) in [
+            ("1,1,1,1=1m", "the same"),
+            ("1,2,3=1m", "before"),
+            ("1,2,3,4", "no \"=\""),
+            ("1,2,3,4=-1m", "after"),
+            ("1,2,3,4=1lightyear", "after"),
+        ] {
+            let error = wrong.parse::<Ruler>().expect_err(wrong);
+            assert!(error.contains(problem), "{error}");
         }
         for large in ["1e13", "nan", "-inf"] {
             let ruler = format!("1,2,3,4={large}").parse::<Ruler>();
