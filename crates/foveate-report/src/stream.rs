@@ -1,10 +1,10 @@
 //! One line per frame, written as soon as the frame is tracked.
 //!
-//! JSON has, in this order: `frame` (from 1), `time` (seconds from the first frame), `bbox` (pixels, from 0), `p_lost` (0 to 1), `status`
-//! (`given` for a given box), `dropped` (number of source frames so far that were not tracked), `damaged` (number of source frames so far
+//! JSON has, in this order: `frame` (from 1), `time` (seconds from the first frame), `bbox` (pixels, from 0), `covariance` (xx, xy and yy of
+//! the centre, px²; `null` for a given box), `p_lost` (0 to 1), `status` (`given` for a given box), `dropped` (number of source frames so far that were not tracked), `damaged` (number of source frames so far
 //! in which the decoder reported damage; it reads a few frames ahead) and `latency_ms` (from reading the complete frame to this line;
 //! `null` if frames are not timed). With many targets: `frame`, `time`, `targets`, `dropped`, `damaged`, `latency_ms`; each target has
-//! `id`, `bbox`, `phase` and `deficit`. MOT lines are those of tracks.txt; a single target has the id 1 and the confidence 1 − P(lost).
+//! `id`, `bbox`, `covariance`, `phase` and `deficit`. MOT lines are those of tracks.txt; a single target has the id 1 and the confidence 1 − P(lost).
 //! Frames with an unusable box (occluded or lost) are left out.
 
 use std::io::{ErrorKind, Write};
@@ -46,6 +46,7 @@ struct One<'a> {
     frame: usize,
     time: f64,
     bbox: &'a BBox,
+    covariance: Option<[f64; 3]>,
     p_lost: f64,
     status: &'a str,
     dropped: u64,
@@ -67,6 +68,7 @@ struct Many<'a> {
 struct Target<'a> {
     id: u64,
     bbox: BBox,
+    covariance: Option<[f64; 3]>,
     phase: &'a str,
     deficit: f64,
 }
@@ -112,7 +114,8 @@ impl Stream {
                 let (dropped, latency_ms) = self.measured();
                 let (frame, time, damaged) = (frame.index + 1, frame.time, self.remarks.damaged());
                 let status = if seen.is_given() { "given" } else { seen.status.name() };
-                self.json(&One { frame, time, bbox, p_lost, status, dropped, damaged, latency_ms })
+                let covariance = covariance(seen);
+                self.json(&One { frame, time, bbox, covariance, p_lost, status, dropped, damaged, latency_ms })
             }
             Format::Mot => {
                 if seen.is_usable() {
@@ -153,12 +156,18 @@ impl Observer for Stream {
         }
         let of = |t: &Seen<'_>| {
             let (id, bbox, deficit) = (t.id, t.bbox, t.consistency.deficit);
-            Target { id, bbox, phase: t.phase.name(), deficit }
+            Target { id, bbox, covariance: covariance(t), phase: t.phase.name(), deficit }
         };
         let (dropped, latency_ms) = self.measured();
         let (targets, damaged) = (targets.iter().map(of).collect(), self.remarks.damaged());
         self.json(&Many { frame: frame.index + 1, time: frame.time, targets, dropped, damaged, latency_ms })
     }
+}
+
+/// Returns the covariance of the centre (xx, xy, yy), px²; `None` if the box was given.
+fn covariance(seen: &Seen<'_>) -> Option<[f64; 3]> {
+    let c = &seen.covariance;
+    (!seen.is_given()).then(|| [c[0][0], c[0][1], c[1][1]])
 }
 
 /// Sends one datagram per write; datagrams without a receiver are lost.
@@ -204,7 +213,7 @@ mod tests {
         for (format, wanted) in [
             (
                 Format::Json,
-                "{\"frame\":7,\"time\":0.2,\"bbox\":{\"x\":1.0,\"y\":2.5,\"w\":3.0,\"h\":4.0},\"p_lost\":0.0,\"status\":\"given\",\"dropped\":0,\"damaged\":0,\"latency_ms\":null}\n",
+                "{\"frame\":7,\"time\":0.2,\"bbox\":{\"x\":1.0,\"y\":2.5,\"w\":3.0,\"h\":4.0},\"covariance\":null,\"p_lost\":0.0,\"status\":\"given\",\"dropped\":0,\"damaged\":0,\"latency_ms\":null}\n",
             ),
             (Format::Mot, "7,1,2.000,3.500,3.000,4.000,1.000,-1,-1,-1\n"),
         ] {
@@ -231,6 +240,9 @@ mod tests {
         stream.observe(&frame(), &[target]).expect("written");
         let text = String::from_utf8_lossy(&out.0.lock().expect("one thread")).into_owned();
         assert!(text.contains("\"targets\":[{\"id\":3,\"bbox\":{\"x\":1.0") && text.ends_with("}\n"), "{text}");
+        let mut seen = Seen::given([40, 30, 1], &bbox).in_phase(Phase::Tracked);
+        (seen.covariance[0], seen.covariance[1][1]) = ([4.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0], 9.0);
+        assert_eq!(covariance(&seen), Some([4.0, 0.5, 9.0]), "xx, xy, yy");
     }
 
     #[test]
