@@ -26,24 +26,47 @@ foveate_base::settings! {
     }
 }
 
+/// A detection as a measurement of x, y and log scale.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Measurement {
+    /// Measured values: pixels, pixels, and a logarithm.
+    pub values: [f64; 3],
+    /// Standard deviations of their errors.
+    pub sd: [f64; 3],
+}
+
 impl DetectionLikelihood {
+    /// The detections that have an area, as measurements of a target with this extent.
+    pub(crate) fn measurements(&self, detections: &[Detection], extent: Extent) -> impl Iterator<Item = Measurement> {
+        let log_unit = (2.0 * extent.mean()).ln();
+        detections.iter().map(|d| d.bbox).filter(|b| b.w > 0.0 && b.h > 0.0).map(move |b| {
+            let (x, y) = b.centre();
+            let sd = [0.5 * b.w * self.place, 0.5 * b.h * self.place, self.size];
+            Measurement { values: [x, y, 0.5 * (b.w * b.h).ln() - log_unit], sd }
+        })
+    }
+
     /// log p(d | x) less that of a state in the middle of the only detection, from log(outlier) to 0; 0 without detections.
     pub fn log_likelihood(&self, detections: &[Detection], state: &State, extent: Extent) -> f64 {
-        let log_size = (2.0 * extent.mean()).ln() + state.log_scale;
-        let (mut sum, mut count) = (0.0, 0);
-        for b in detections.iter().map(|d| d.bbox).filter(|b| b.w > 0.0 && b.h > 0.0) {
-            let (x, y) = b.centre();
-            let across = 2.0 * (x - state.x) / (b.w * self.place);
-            let down = 2.0 * (y - state.y) / (b.h * self.place);
-            let larger = (0.5 * (b.w * b.h).ln() - log_size) / self.size;
-            let off = across * across + down * down + larger * larger;
-            sum += if off.is_nan() { 0.0 } else { (-0.5 * off).exp() };
+        let mut likelihood = [0.0];
+        self.likelihoods(detections, std::slice::from_ref(state), extent, &mut likelihood);
+        likelihood[0].ln()
+    }
+
+    /// Writes the exponential of that of each state.
+    fn likelihoods(&self, detections: &[Detection], states: &[State], extent: Extent, out: &mut [f64]) {
+        out.fill(0.0);
+        let mut count = 0;
+        for Measurement { values: [x, y, log_scale], sd } in self.measurements(detections, extent) {
+            for (sum, state) in out.iter_mut().zip(states) {
+                let off = [(x - state.x) / sd[0], (y - state.y) / sd[1], (log_scale - state.log_scale) / sd[2]];
+                let off = off[0] * off[0] + off[1] * off[1] + off[2] * off[2];
+                *sum += if off.is_nan() { 0.0 } else { (-0.5 * off).exp() };
+            }
             count += 1;
         }
-        if count == 0 {
-            return 0.0;
-        }
-        (self.outlier + (1.0 - self.outlier) * sum / f64::from(count)).ln()
+        let of = |sum: f64| self.outlier + (1.0 - self.outlier) * sum / f64::from(count);
+        out.iter_mut().for_each(|sum| *sum = if count == 0 { 1.0 } else { of(*sum) });
     }
 
     /// Adds it to the log weights of states without changing their sum, so that the evidence remains that of
@@ -56,11 +79,17 @@ impl DetectionLikelihood {
         if !most.is_finite() {
             return 0.0;
         }
-        let (mut before, mut after) = (0.0, 0.0);
-        for (state, log_w) in states.iter().zip(log_weights.iter_mut()) {
-            before += (*log_w - most).exp();
-            *log_w += self.log_likelihood(detections, state, extent);
-            after += (*log_w - most).exp();
+        const BATCH: usize = 64;
+        let (mut before, mut after, mut batch) = (0.0, 0.0, [0.0; BATCH]);
+        for (states, log_weights) in states.chunks(BATCH).zip(log_weights.chunks_mut(BATCH)) {
+            let likelihoods = &mut batch[..states.len()];
+            self.likelihoods(detections, states, extent, likelihoods);
+            for (log_w, likelihood) in log_weights.iter_mut().zip(likelihoods) {
+                let weight = (*log_w - most).exp();
+                before += weight;
+                *log_w += likelihood.ln();
+                after += weight * *likelihood;
+            }
         }
         let same = (before / after).ln();
         log_weights.iter_mut().for_each(|log_w| *log_w += same);

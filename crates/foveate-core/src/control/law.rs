@@ -3,7 +3,7 @@
 use crate::geometry::State;
 
 /// Independent normal densities of x, y and log scale; that of scale is used if its deviation is above 0.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
     pub mean: [f64; 3],
     pub place: f64,

@@ -88,6 +88,10 @@ pub struct Mixture {
     prior: Prior,
     clamp_to_frame: bool,
     unit: f64,
+    /// Centres and log scales of the detections of this frame.
+    found: Vec<[f64; 3]>,
+    /// The laws of those near a particle.
+    near: Vec<Law>,
 }
 
 /// Name of the streams that choose the particles at detections, distinct from those of the prior's draws.
@@ -96,7 +100,8 @@ const CHOICE: u64 = 1 << 32;
 impl Mixture {
     /// Mixes detections with these dynamics; their lengths are pixels until `size` is called.
     pub fn new(motion: Autoregressive, mixing: Mixing) -> Self {
-        Self { mixing, given: motion, motion, prior: Prior::new(Arc::new(motion)), clamp_to_frame: false, unit: 1.0 }
+        let prior = Prior::new(Arc::new(motion));
+        Self { mixing, given: motion, motion, prior, clamp_to_frame: false, unit: 1.0, found: vec![], near: vec![] }
     }
     /// As [`Prior::clamp_to_frame`].
     pub fn clamp_to_frame(self, clamp_to_frame: bool) -> Self {
@@ -130,13 +135,22 @@ impl Proposal for Mixture {
         // A place without noise of its own has no density to mix with.
         let moves = self.motion.velocity > 0.0 || self.motion.position > 0.0;
         if moves && !scene.detections.is_empty() {
+            self.found.clear();
+            self.found.extend(scene.detections.iter().filter(|d| d.bbox.is_sane()).map(
+                |Detection { bbox: b, .. }| {
+                    let (x, y) = b.centre();
+                    [x, y, 0.5 * (b.w * b.h).ln() - (2.0 * self.unit).ln()]
+                },
+            ));
+            let (found, mut near) = (std::mem::take(&mut self.found), std::mem::take(&mut self.near));
             let chunks = parents.chunks(CHUNK).zip(children.chunks_mut(CHUNK)).zip(log_ratio.chunks_mut(CHUNK));
             for (i, ((parents, children), log_ratio)) in (CHOICE..).zip(chunks) {
                 let mut rng = streams.rng(i);
                 for ((parent, child), log_ratio) in parents.iter().zip(children).zip(log_ratio) {
-                    *log_ratio = self.mix(scene.detections, parent, child, &mut rng);
+                    *log_ratio = self.mix(&found, &mut near, parent, child, &mut rng);
                 }
             }
+            (self.found, self.near) = (found, near);
         }
         if self.clamp_to_frame {
             confine(children, scene.image);
@@ -146,12 +160,17 @@ impl Proposal for Mixture {
 
 impl Mixture {
     /// Moves `child`, a draw from p, to a detection with probability α. Returns log p/q of the result.
-    fn mix(&self, detections: &[Detection], parent: &State, child: &mut State, rng: &mut Rng) -> f64 {
+    fn mix(&self, found: &[[f64; 3]], near: &mut Vec<Law>, parent: &State, child: &mut State, rng: &mut Rng) -> f64 {
         let (m, Mixing { alpha, spread, size, gate, update }) = (&self.motion, self.mixing);
         let size = size.filter(|_| m.log_scale > 0.0).unwrap_or(0.0);
         let unit = self.unit * parent.log_scale.exp();
         let drift = [m.damping * parent.vx, m.damping * parent.vy];
         let mean = [parent.x + drift[0], parent.y + drift[1], m.scale_pull * parent.log_scale];
+        let (far, reach) = (|[x, y, _]: [f64; 3]| (x - mean[0]).powi(2) + (y - mean[1]).powi(2), gate * unit);
+        near.clear();
+        if found.iter().all(|at| far(*at) > reach * reach) {
+            return 0.0;
+        }
         let variance = m.velocity * m.velocity + m.position * m.position;
         let p = Law::new(mean, variance.sqrt(), if size > 0.0 { m.log_scale } else { 0.0 });
         // How far a detection draws the mean from the parent's, and what deviation is left.
@@ -163,23 +182,12 @@ impl Mixture {
                 ([by_place, by_size], Law::new([0.0; 3], place, if size > 0.0 { scale } else { 0.0 }))
             }
         };
-        let near = || {
-            detections.iter().filter_map(|d| {
-                let (x, y) = d.bbox.centre();
-                let log_scale =
-                    if size > 0.0 { 0.5 * (d.bbox.w * d.bbox.h).ln() - (2.0 * self.unit).ln() } else { 0.0 };
-                let counts = d.bbox.is_sane() && (x - mean[0]).hypot(y - mean[1]) <= gate * unit;
-                let toward = |k: usize, to: f64, pull: f64| mean[k] + pull * (to - mean[k]);
-                let mean = [toward(0, x, pull[0]), toward(1, y, pull[0]), toward(2, log_scale, pull[1])];
-                counts.then_some(Law { mean, ..start })
-            })
-        };
-        let count = near().count();
-        if count == 0 {
-            return 0.0;
-        }
+        near.extend(found.iter().filter(|at| far(**at) <= reach * reach).map(|at| {
+            let toward = |k: usize, pull: f64| mean[k] + pull * (at[k] - mean[k]);
+            Law { mean: [toward(0, pull[0]), toward(1, pull[0]), toward(2, pull[1])], ..start }
+        }));
         if rng.random::<f64>() < alpha {
-            let d = near().nth(rng.random_range(0..count)).expect("below the count");
+            let d = near[rng.random_range(0..near.len())];
             let mut normal = || rng.sample::<f64, _>(StandardNormal);
             (child.x, child.y) = (d.mean[0] + d.place * normal(), d.mean[1] + d.place * normal());
             // p(velocity | place): Gaussian, with as much of the innovation as the velocity's noise has of both noises.
@@ -192,9 +200,9 @@ impl Mixture {
             }
         }
         let log_p = p.log_density(child);
-        let top = near().map(|d| d.log_density(child)).fold(log_p, f64::max);
-        let detected: f64 = near().map(|d| (d.log_density(child) - top).exp()).sum();
-        log_p - top - ((1.0 - alpha) * (log_p - top).exp() + alpha * detected / count as f64).ln()
+        let top = near.iter().map(|d| d.log_density(child)).fold(log_p, f64::max);
+        let detected: f64 = near.iter().map(|d| (d.log_density(child) - top).exp()).sum();
+        log_p - top - ((1.0 - alpha) * (log_p - top).exp() + alpha * detected / near.len() as f64).ln()
     }
 }
 
