@@ -76,12 +76,12 @@ pub(super) fn in_stages(
     s: &Settings,
     similarity: &mut dyn FnMut(usize, usize) -> Option<f64>,
 ) -> Vec<Option<usize>> {
-    let mut given = vec![None; expected.len()];
+    let (mut given, mut taken) = (vec![None; expected.len()], vec![false; detections.len()]);
     for (guess, of_weak) in STAGES {
         let rows: Vec<usize> =
             (0..expected.len()).filter(|i| given[*i].is_none() && expected[*i].guess == guess).collect();
         let columns: Vec<usize> =
-            (0..detections.len()).filter(|j| !given.contains(&Some(*j)) && weak(&detections[*j]) == of_weak).collect();
+            (0..detections.len()).filter(|j| !taken[*j] && weak(&detections[*j]) == of_weak).collect();
         if rows.is_empty() || columns.is_empty() {
             continue;
         }
@@ -90,6 +90,7 @@ pub(super) fn in_stages(
         let of_stage = pairs(&targets, &found, s, &mut |i, j| similarity(rows[i], columns[j]));
         for (i, j) in rows.iter().zip(of_stage) {
             given[*i] = j.map(|j| columns[j]);
+            given[*i].into_iter().for_each(|j| taken[j] = true);
         }
     }
     given
@@ -104,10 +105,19 @@ fn pairs(
     similarity: &mut dyn FnMut(usize, usize) -> Option<f64>,
 ) -> Vec<Option<usize>> {
     let (rows, columns) = (expected.len(), detections.len());
-    let by_place = |e: &Expected, d: &Detection| by_place(e, &d.bbox, s).filter(|score| *score > 0.0);
-    let mut fits = vec![];
+    let by_place = |e: &Expected, j: usize| by_place(e, &detections[j].bbox, s).filter(|score| *score > 0.0);
+    // From left to right, so that a crowd's target meets those alone that are beside it.
+    let centre = |j: usize| detections[j].bbox.centre().0;
+    let mut across: Vec<usize> = (0..columns).collect();
+    across.sort_by(|a, b| centre(*a).total_cmp(&centre(*b)));
+    let (mut fits, mut beside) = (vec![], vec![]);
     for (i, e) in expected.iter().enumerate() {
-        fits.extend(detections.iter().enumerate().filter_map(|(j, d)| Some(Fit { i, j, score: by_place(e, d)? })));
+        let (x, reach) = (e.bbox.centre().0, 0.5 * e.bbox.w * s.gate + 1e-6);
+        let first = across.partition_point(|j| centre(*j) < x - reach);
+        beside.clear();
+        beside.extend(across[first..].iter().take_while(|j| centre(**j) <= x + reach));
+        beside.sort_unstable();
+        fits.extend(beside.iter().filter_map(|j| Some(Fit { i, j: *j, score: by_place(e, *j)? })));
     }
     let (mut claims, mut claimed) = (vec![0; rows], vec![0; columns]);
     fits.iter().for_each(|fit| (claims[fit.i], claimed[fit.j]) = (claims[fit.i] + 1, claimed[fit.j] + 1));
