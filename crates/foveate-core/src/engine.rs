@@ -23,6 +23,7 @@ mod tests;
 pub(crate) mod toy;
 mod view;
 mod visibility;
+mod waiting;
 
 pub use filter::Filter;
 pub use gaze::GazeControl;

@@ -208,7 +208,7 @@ impl MultiTracker {
                 return;
             }
             let image = cleared.get(i).unwrap_or(image);
-            if !target.looked_at && target.ensemble.first().waits(target.track.detection.is_some()) {
+            if !target.looked_at && target.ensemble.first().waits() {
                 return target.step(image, s, detecting); // It needs no buffers.
             }
             target.with_buffers(pool, |target| target.step(image, s, detecting));

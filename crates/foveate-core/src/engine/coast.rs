@@ -9,10 +9,7 @@ use foveate_base::rng::Purpose::Select;
 impl Engine {
     /// Moves the particles with the picture. Call it before [`Engine::step`] with the new picture.
     pub(crate) fn compensate(&mut self, flow: &Flow) {
-        let filter = &mut self.parts.filter;
-        if let Some(camera_motion) = &filter.camera_motion {
-            camera_motion.shift(flow, &mut filter.state.particles);
-        }
+        self.parts.filter.compensate(flow);
     }
 
     /// Moves a state of the target with the picture: unlike a particle, it always moves.
@@ -23,16 +20,16 @@ impl Engine {
     }
 
     /// Returns whether a frame without a look needs none of the particles, and so no buffers.
-    pub(crate) fn waits(&self, detected: bool) -> bool {
-        self.parts.filter.leap(detected).is_some()
+    pub(crate) fn waits(&self) -> bool {
+        self.parts.filter.leap().is_some()
     }
 
     /// Runs a frame without a look: predicts the belief, weighs it by detections, and resamples. Returns mean and covariance.
     pub(crate) fn coast(&mut self, scene: Scene<'_>) -> (State, Covariance) {
         self.frame += 1;
         let (t, extent, filter) = (self.frame, self.target().extent, &mut self.parts.filter);
-        if let Some(leap) = filter.leap(!scene.detections.is_empty()) {
-            return filter.wait(&leap);
+        if let Some(leap) = filter.leap() {
+            return filter.wait(&leap, scene.detections, extent);
         }
         let Record { belief, ancestors, .. } = &mut self.record;
         *belief = filter.predict(scene, extent, None, (self.streams, t), std::mem::take(belief));

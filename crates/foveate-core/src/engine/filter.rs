@@ -2,12 +2,13 @@
 
 use super::particles::{Particles, mean};
 use super::target::Estimate;
+use super::waiting::Waiting;
 use crate::control::{
     Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling,
 };
 use crate::geometry::{Covariance, Extent, State};
 use crate::saved_state::{Valid, Validate, ensure};
-use crate::scene::Scene;
+use crate::scene::{Detection, Flow, Scene};
 use crate::start::StartSpread;
 use foveate_base::rng::Purpose::{Dropped, Predict};
 use foveate_base::rng::Streams;
@@ -39,7 +40,7 @@ pub(super) struct FilterState {
     pub particles: Vec<State>,
     #[serde(deserialize_with = "log_weights")]
     pub log_weights: Vec<f64>,
-    /// Set while frames without a look postpone the motion of the particles.
+    /// The belief while the target waits for its next look. The particles are those of the last one.
     pub waiting: Option<Waiting>,
 }
 
@@ -48,28 +49,19 @@ foveate_base::opaque_debug!(Filter);
 /// The largest log of width / height, relative to frame 1, that a target is given: 20 to 1.
 const MOST_ASPECT: f64 = 3.0;
 
-/// The postponed frames of motion, and the belief meanwhile.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct Waiting {
-    frames: usize,
-    mean: State,
-    covariance: Covariance,
-}
-
 /// Reads log weights: JSON has no −∞, which is null there.
 fn log_weights<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Vec<f64>, D::Error> {
     let saved = Vec::<Option<f64>>::deserialize(from)?;
     Ok(saved.into_iter().map(|w| w.unwrap_or(f64::NEG_INFINITY)).collect())
 }
 
-impl Validate<(&Filter, u64)> for FilterState {
-    fn validate(&self, (filter, frame): &(&Filter, u64)) -> Valid {
+impl Validate<&Filter> for FilterState {
+    fn validate(&self, filter: &&Filter) -> Valid {
         let (n, particles, weights) = (filter.state.particles.len(), self.particles.len(), self.log_weights.len());
         ensure(particles == n && weights == n, || {
             format!("it has {particles} particles and {weights} weights, this tracker has {n}")
         })?;
-        let fits = |it: Waiting| it.frames as u64 <= *frame && filter.leap(false).is_some();
-        ensure(self.waiting.is_none_or(fits), || format!("its particles wait as they cannot: {:?}", self.waiting))
+        ensure(self.waiting.is_none() || filter.leap().is_some(), || "it waits, but its motion is not normal".into())
     }
 }
 
@@ -212,30 +204,39 @@ impl Filter {
         }
     }
 
-    /// Returns the motion of a frame without a look that needs none of the particles: there are no detections, the camera does not move
-    /// the particles, and the motion of many frames has a closed form.
-    pub(super) fn leap(&self, detected: bool) -> Option<Leap> {
-        self.proposal.over(1).filter(|_| !detected && self.camera_motion.is_none())
+    /// Moves the belief with the camera.
+    pub(super) fn compensate(&mut self, flow: &Flow) {
+        match (&self.camera_motion, &mut self.state.waiting) {
+            (Some(camera_motion), Some(waiting)) => waiting.shift(camera_motion, flow),
+            (Some(camera_motion), None) => camera_motion.shift(flow, &mut self.state.particles),
+            (None, _) => {}
+        }
     }
 
-    /// Returns mean and covariance after a frame of this motion; the particles do not move yet.
-    pub(super) fn wait(&mut self, leap: &Leap) -> (State, Covariance) {
+    /// Returns the motion of a frame if a normal belief stays normal without looks: the dynamics are, and all particles follow the camera.
+    pub(super) fn leap(&self) -> Option<Leap> {
+        self.proposal.over(1).filter(|_| self.camera_motion.is_none_or(|it| it.share >= 1.0))
+    }
+
+    /// Runs a frame of this motion without a look, with the target's detection if it has one. Returns mean and covariance.
+    pub(super) fn wait(&mut self, leap: &Leap, detection: &[Detection], extent: Extent) -> (State, Covariance) {
         let mut waiting = self.state.waiting.unwrap_or_else(|| {
             let weights: Vec<f64> = self.state.log_weights.iter().map(|w| w.exp()).collect();
-            let belief = Belief { states: &self.state.particles, weights: &weights };
-            Waiting { frames: 0, mean: belief.mean(), covariance: belief.covariance() }
+            Waiting::of(&Belief { states: &self.state.particles, weights: &weights })
         });
-        waiting.frames += 1;
-        leap.spread(&mut waiting.mean, &mut waiting.covariance);
+        waiting.advance(leap);
+        if let Some(likelihood) = &self.detection_likelihood {
+            waiting.measure(detection, likelihood, extent);
+        }
         self.state.waiting = Some(waiting);
         (waiting.mean, waiting.covariance)
     }
 
-    /// Applies the postponed motion to the particles, up to the frame before this one.
+    /// Draws the particles of a target that has waited.
     fn catch_up(&mut self, streams: Streams) {
         let Some(waiting) = self.state.waiting.take() else { return };
-        let leap = self.proposal.over(waiting.frames).expect("it had one when they began to wait");
-        self.advance(&leap, streams);
+        waiting.draw(&mut self.state.particles, &mut streams.rng(0));
+        self.state.log_weights.fill(-(self.state.particles.len() as f64).ln());
     }
 
     /// Draws all particles after these frames of motion.
@@ -254,24 +255,23 @@ mod tests {
     use foveate_base::rng::Purpose;
     use std::sync::Arc;
 
-    /// Each rule by itself: as many particles, as many weights, no more postponed frames than there were, and only of motion that can be
-    /// postponed.
+    /// Each rule by itself: as many particles, as many weights, and waiting only with normal motion.
     #[test]
     fn a_state_of_another_filter_is_refused() {
         let filter = |tail_probability| {
             let dynamics = Autoregressive { tail_probability, ..Autoregressive::default() };
             Filter::new(Box::new(Prior::new(Arc::new(dynamics))), 3).expect("particles")
         };
-        let state = |particles: usize, weights: usize, frames: Option<usize>| FilterState {
+        let wait = Waiting { mean: State::default(), covariance: Covariance::default() };
+        let state = |particles: usize, weights: usize, waiting: Option<Waiting>| FilterState {
             particles: vec![State::default(); particles],
             log_weights: vec![0.0; weights],
-            waiting: frames.map(|frames| Waiting { frames, mean: State::default(), covariance: Covariance::default() }),
+            waiting,
         };
-        let fits = |state: FilterState, tail: f64| state.validate(&(&filter(tail), 7)).is_ok();
-        assert!(fits(state(3, 3, None), 0.1) && fits(state(3, 3, Some(7)), 0.0));
+        let fits = |state: FilterState, tail: f64| state.validate(&&filter(tail)).is_ok();
+        assert!(fits(state(3, 3, None), 0.1) && fits(state(3, 3, Some(wait)), 0.0));
         assert!(!fits(state(2, 3, None), 0.0) && !fits(state(3, 4, None), 0.0));
-        assert!(!fits(state(3, 3, Some(8)), 0.0), "more frames than there were");
-        assert!(!fits(state(3, 3, Some(7)), 0.1), "a mixture of normals cannot wait");
+        assert!(!fits(state(3, 3, Some(wait)), 0.1), "a mixture of normals cannot wait");
     }
 
     /// Logarithms of size and shape add up; a shape stays within its limits.

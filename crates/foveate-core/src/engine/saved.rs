@@ -66,7 +66,7 @@ impl Engine {
             return Err(refused("appearance", "there is a target without a template, or a template without a target"));
         }
         appearance.load(&template)?;
-        filter.state = saved.part_state("filter", &(&*filter, frame))?;
+        filter.state = saved.part_state("filter", &&*filter)?;
         if let Some(it) = &mut filter.redetection {
             it.resume(saved.part_state("search", it.settings())?);
         }

@@ -526,7 +526,7 @@ fn waiting_particles_catch_up() {
     let image = picture();
     let spread = |waited: usize| {
         let (mut engine, scene) = (started(parts(Toy::at(50.0)), 0), Scene { image: &image, detections: &[] });
-        assert!(engine.waits(false));
+        assert!(engine.waits());
         (0..waited).for_each(|_| _ = engine.coast(scene));
         engine.step_on(scene);
         engine.record.belief.states.iter().map(|state| (state.x - 50.0).powi(2)).sum::<f64>().sqrt()
