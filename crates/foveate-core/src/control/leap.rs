@@ -1,14 +1,11 @@
-//! Several frames of linear, Gaussian motion at once, for a target without looks.
+//! Several frames of linear, Gaussian motion at once.
 //!
 //! Along an axis, with n and m standard normal, d the damping and q, p the deviations of velocity and place,
 //! ```text
 //! v' = d v + q n        x' = x + v' + p m
 //! ```
 //! k steps are normal again: v with mean dᵏ v, x with mean x + (d + d² + ... + dᵏ) v, and two intervals combine into
-//! one. So a waiting target costs nothing until its next look, and its mean and covariance cost as much as those of a
-//! Kalman filter.
-//!
-//! Deviation: the paper draws every particle in every frame.
+//! one. So dropped frames cost as much as one, and a frame without a look as much as one of a Kalman filter.
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
