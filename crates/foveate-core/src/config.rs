@@ -29,6 +29,7 @@ mod identity;
 mod kinds;
 #[cfg(feature = "learn")]
 mod learned;
+mod memory_estimate;
 mod multi;
 #[cfg(feature = "onnx")]
 mod onnx;
@@ -38,7 +39,6 @@ mod onnx;
 mod own;
 mod parts;
 mod places;
-mod plainly;
 mod policies;
 mod probe;
 mod proposals;
@@ -46,20 +46,20 @@ mod ranges;
 #[cfg(feature = "learn")]
 mod reading;
 #[cfg(not(feature = "learn"))]
-#[path = "config/unread.rs"]
+#[path = "config/no_reading.rs"]
 mod reading;
 #[cfg(feature = "learn")]
 mod recogniser;
 #[cfg(not(feature = "learn"))]
-#[path = "config/unlearned.rs"]
+#[path = "config/no_recogniser.rs"]
 mod recogniser;
 mod rewards;
-mod room;
 mod schema;
 mod second;
 mod sections;
 mod set;
 mod shadow;
+mod toml_errors;
 
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use builtin::{BUILTIN, OFFERED, about};
@@ -100,7 +100,7 @@ impl Config {
     fn problem(e: &str) -> String {
         let unlearned = ["rbm", "kmeans"].iter().any(|k| e.contains(&format!("unknown kind `{k}`")));
         let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
-        format!("{}{feature}", plainly::plainly(e))
+        format!("{}{feature}", toml_errors::without_types(e))
     }
 
     /// Reads a configuration file.

@@ -17,17 +17,17 @@ mod groups;
 mod initiation;
 mod lifecycle;
 mod meeting;
+mod memory_estimate;
 mod occlusion;
 mod pairs;
 mod pool;
 mod ranks;
-mod room;
 mod saved;
 pub mod settings;
 mod target;
 
 pub use crate::seen::Phase;
-pub(crate) use room::MemoryEstimate;
+pub(crate) use memory_estimate::MemoryEstimate;
 pub use settings::Settings;
 
 use crate::engine::Claim;

@@ -100,7 +100,7 @@ impl Tracker {
         }
         crate::start::check(visible(self.sensor.as_ref(), picture)?, &bbox)?;
         if let Some(sensor) = &mut self.sensor {
-            sensor.imprint(picture, &State::of(&bbox), Extent::of(&bbox))?;
+            sensor.init_template(picture, &State::of(&bbox), Extent::of(&bbox))?;
         }
         let image = visible(self.sensor.as_ref(), picture)?;
         self.preprocessor.look(image);

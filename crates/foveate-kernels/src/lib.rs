@@ -16,7 +16,7 @@ mod classes;
 mod colour;
 mod convolve;
 mod covariance;
-mod ends;
+mod epilogue;
 mod exponential;
 mod gram;
 mod halve;

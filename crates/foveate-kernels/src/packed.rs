@@ -10,7 +10,7 @@
 //!
 //! Weights are kept times -log₂ e: then logistic(x) is 1 / (1 + 2^y) of the sum y.
 
-use crate::ends::{End, Features, Overlaps, Pooled, TO_EXP2, TOGETHER, padded};
+use crate::epilogue::{End, Features, Overlaps, Pooled, TO_EXP2, TOGETHER, padded};
 use crate::level::{Level, greater, lesser, levels};
 use crate::sums::{copy_short, fold};
 use crate::tile::{self, BLOCK, Kernel, Line, Sums, TILE};

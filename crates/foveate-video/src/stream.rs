@@ -9,7 +9,7 @@ use crate::Remarks;
 use crate::aspect::Aspect;
 use crate::child::Leash;
 use crate::decoded::{DecodeError, Decoded, Picture};
-use crate::feed::Feed;
+use crate::ffmpeg_decoder::Feed;
 use crate::h264::{Decoder, Setup};
 use crate::mp4;
 use crate::mp4::{Movie, Sample};

@@ -29,7 +29,7 @@ impl Blueprint {
         let make = move |id| Ensemble::new(vec![parts()], seed, id);
         let (settings, blueprint) = (self.config.multi_target.unwrap_or_default(), self.clone());
         let (make, fresh) = (Box::new(make), Box::new(move || blueprint.preprocessor()));
-        Ok(MultiTracker::of(self.origin(seed, 0), settings, self.room(), make, fresh))
+        Ok(MultiTracker::of(self.origin(seed, 0), settings, self.memory_estimate(), make, fresh))
     }
 }
 

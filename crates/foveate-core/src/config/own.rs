@@ -27,7 +27,7 @@ impl OwnPart {
     /// [`Error::Config`] if they do not fit.
     pub(super) fn settings<S: DeserializeOwned>(&self, section: &str) -> Result<S> {
         Node::from(Value::Section(self.settings.clone())).read().map_err(|problem| {
-            let why = super::plainly::plainly(problem.message());
+            let why = super::toml_errors::without_types(problem.message());
             Error::Config(format!("{section}, kind `{}`: {why}", self.kind))
         })
     }

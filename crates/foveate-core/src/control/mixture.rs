@@ -27,7 +27,7 @@ use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::law::Law;
+use super::detection_density::Density;
 use super::proposal::confine;
 use super::{Autoregressive, CHUNK, Leap, Prior, Proposal};
 use crate::geometry::State;
@@ -90,8 +90,8 @@ pub struct Mixture {
     unit: f64,
     /// Centres and log scales of the detections of this frame.
     found: Vec<[f64; 3]>,
-    /// The laws of those near a particle.
-    near: Vec<Law>,
+    /// The densities of those near a particle.
+    near: Vec<Density>,
 }
 
 /// Name of the streams that choose the particles at detections, distinct from those of the prior's draws.
@@ -160,7 +160,14 @@ impl Proposal for Mixture {
 
 impl Mixture {
     /// Moves `child`, a draw from p, to a detection with probability α. Returns log p/q of the result.
-    fn mix(&self, found: &[[f64; 3]], near: &mut Vec<Law>, parent: &State, child: &mut State, rng: &mut Rng) -> f64 {
+    fn mix(
+        &self,
+        found: &[[f64; 3]],
+        near: &mut Vec<Density>,
+        parent: &State,
+        child: &mut State,
+        rng: &mut Rng,
+    ) -> f64 {
         let (m, Mixing { alpha, spread, size, gate, update }) = (&self.motion, self.mixing);
         let size = size.filter(|_| m.log_scale > 0.0).unwrap_or(0.0);
         let unit = self.unit * parent.log_scale.exp();
@@ -172,19 +179,19 @@ impl Mixture {
             return 0.0;
         }
         let variance = m.velocity * m.velocity + m.position * m.position;
-        let p = Law::new(mean, variance.sqrt(), if size > 0.0 { m.log_scale } else { 0.0 });
+        let p = Density::new(mean, variance.sqrt(), if size > 0.0 { m.log_scale } else { 0.0 });
         // How far a detection draws the mean from the parent's, and what deviation is left.
         let (pull, start) = match update {
-            Update::Replace => ([1.0; 2], Law::new([0.0; 3], spread * unit, size)),
+            Update::Replace => ([1.0; 2], Density::new([0.0; 3], spread * unit, size)),
             Update::Kalman => {
                 let ([place, by_place], [scale, by_size]) =
                     (posterior(variance.sqrt(), spread * unit), posterior(m.log_scale, size));
-                ([by_place, by_size], Law::new([0.0; 3], place, if size > 0.0 { scale } else { 0.0 }))
+                ([by_place, by_size], Density::new([0.0; 3], place, if size > 0.0 { scale } else { 0.0 }))
             }
         };
         near.extend(found.iter().filter(|at| far(**at) <= reach * reach).map(|at| {
             let toward = |k: usize, pull: f64| mean[k] + pull * (at[k] - mean[k]);
-            Law { mean: [toward(0, pull[0]), toward(1, pull[0]), toward(2, pull[1])], ..start }
+            Density { mean: [toward(0, pull[0]), toward(1, pull[0]), toward(2, pull[1])], ..start }
         }));
         if rng.random::<f64>() < alpha {
             let d = near[rng.random_range(0..near.len())];
@@ -264,7 +271,7 @@ mod tests {
 
     /// The frame of one pixel makes all children pile up at its edge; p's do so with the same weights.
     #[test]
-    fn walls_keep_the_law() {
+    fn clamping_keeps_the_weights() {
         let (frame, found) = (blank_image(), [detection(0.5, 0.0, 2.0), detection(-1.0, 0.3, 2.0)]);
         let (scene, parent) =
             (Scene { image: &frame, detections: &found }, State { x: 0.0, y: 0.0, ..State::default() });

@@ -26,7 +26,7 @@ impl Extras {
     /// Starts on a target at `state` of its first picture.
     pub(super) fn init(&mut self, image: &Image, state: &crate::geometry::State, extent: Extent) {
         if let Some(it) = &mut self.box_regression {
-            it.imprint(image, state, extent);
+            it.init_template(image, state, extent);
         }
     }
 

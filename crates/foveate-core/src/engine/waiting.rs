@@ -1,7 +1,7 @@
-//! The belief about a target that waits for its next look: a normal law in place of the particles.
+//! The belief about a target that waits for its next look: a normal distribution in place of the particles.
 //!
 //! Without a look, the dynamics, the motion of the camera and the target's own detection are linear with normal noise, so a frame is a
-//! Kalman filter's. Before the next look the particles are drawn from the law.
+//! Kalman filter's. Before the next look the particles are drawn from the distribution.
 //!
 //! Deviation: the paper draws every particle in every frame.
 

@@ -145,7 +145,7 @@ impl BoxRegression {
     }
 
     /// Sets the template to the content of this box.
-    pub fn imprint(&mut self, image: &Image, state: &State, extent: Extent) {
+    pub fn init_template(&mut self, image: &Image, state: &State, extent: Extent) {
         self.glimpse.take(image, state, extent);
         let histograms = Histograms::of(&self.glimpse.coarse);
         self.colours.update(&histograms);
@@ -161,7 +161,7 @@ impl BoxRegression {
     /// The network's prediction for this box. Panics without a template.
     pub fn answer(&mut self, image: &Image, state: &State, extent: Extent) -> Answer {
         self.look(image, state, extent);
-        let template = self.template.as_ref().expect("a template is imprinted before the first answer");
+        let template = self.template.as_ref().expect("the template is taken before the first answer");
         self.network.answer(template, &mut self.scratch)
     }
 
@@ -284,7 +284,7 @@ mod tests {
         let bytes = (0..80 * 60).map(|i| (i * 7 % 251) as u8).collect();
         let (image, extent) = (Image::new(80, 60, 1, bytes).expect("80 x 60"), Extent { half_w: 8.0, half_h: 10.0 });
         let state = State { x: 40.0, y: 30.0, ..State::default() };
-        it.imprint(&image, &state, extent);
+        it.init_template(&image, &state, extent);
         let mut before = None;
         for frame in 0..7 {
             let mut meter = Meter::default();

@@ -91,7 +91,7 @@ impl Detector for Motion {
         self.frames = self.frames.saturating_add(1);
         self.expose();
         self.compare(width);
-        self.exorcise(width);
+        self.remove_ghosts(width);
         self.learn();
         self.blobs.find(&self.map, 0.0, size, found);
     }
@@ -169,7 +169,7 @@ impl Motion {
         }
     }
     /// What left the background is taken out of it, and out of the marks.
-    fn exorcise(&mut self, width: usize) {
+    fn remove_ghosts(&mut self, width: usize) {
         let Self { ghosts, mask, mean, variance, still, now, map, gain, .. } = self;
         for &k in ghosts.find(Marked { marks: &mask.marks, width, now, mean, still }) {
             (mean[k], variance[k], still[k]) = (f32::from(now[k]) / *gain, 0.0, 0);

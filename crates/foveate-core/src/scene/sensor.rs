@@ -222,7 +222,7 @@ impl Sensor {
     ///
     /// # Errors
     /// Fails if the source cannot be read.
-    pub fn imprint(&mut self, source: &dyn Regions, at: &State, extent: Extent) -> Result<()> {
+    pub fn init_template(&mut self, source: &dyn Regions, at: &State, extent: Extent) -> Result<()> {
         let (reach, finest) = self
             .settings
             .patches()

@@ -95,7 +95,7 @@ fn what_the_particles_take_leaves_the_report_as_it_is() {
     let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
     let mut boxes = BoxRegression::new(network, settings);
     let (image, extent) = (frame(0, 3).image, Extent::of(&INIT));
-    boxes.imprint(&image, &State::of(&INIT), extent);
+    boxes.init_template(&image, &State::of(&INIT), extent);
     let state = State { log_scale: 0.2, log_aspect: -0.3, ..State::of(&INIT) };
     let before = boxes.moved(&image, &state, extent, None);
     let [log_scale, log_aspect] = boxes.follow().expect("the first frame has an evaluation");
@@ -179,7 +179,7 @@ fn answers_that_are_no_numbers_move_nothing() {
     let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
     let mut boxes = BoxRegression::new(network, settings);
     let (image, state, extent) = (frame(0, 3).image, State::of(&INIT), Extent::of(&INIT));
-    boxes.imprint(&image, &state, extent);
+    boxes.init_template(&image, &state, extent);
     let answer = boxes.answer(&image, &state, extent);
     for odd in [
         Answer { offset: [f32::NAN, 0.0], ..answer },
@@ -199,7 +199,7 @@ fn it_says_where_the_target_is() {
     let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
     let mut boxes = BoxRegression::new(network, settings);
     let extent = Extent::of(&INIT);
-    boxes.imprint(&frame(0, 3).image, &State::of(&INIT), extent);
+    boxes.init_template(&frame(0, 3).image, &State::of(&INIT), extent);
     let (mut erred, mut stayed) = (0.0, 0.0);
     for i in 1..FRAMES {
         let (image, truth) = (frame(i, 3).image, State::of(&truth(i)));
@@ -232,7 +232,7 @@ fn an_answer_depends_on_its_picture_alone() {
     let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
     let new = || {
         let mut boxes = BoxRegression::new(network.clone(), Settings::default());
-        boxes.imprint(&frame(0, 1).image, &State::of(&INIT), Extent::of(&INIT));
+        boxes.init_template(&frame(0, 1).image, &State::of(&INIT), Extent::of(&INIT));
         boxes
     };
     let answer = |boxes: &mut BoxRegression, i: usize, w: f64, h: f64| {

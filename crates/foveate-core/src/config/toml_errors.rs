@@ -14,7 +14,7 @@ const WORDS: [(&str, &str); 9] = [
 ];
 
 /// The same error without Rust's terms.
-pub(super) fn plainly(error: &str) -> String {
+pub(super) fn without_types(error: &str) -> String {
     const EXPECTED: &str = ", expected ";
     let Some((before, found)) = error.rsplit_once(EXPECTED) else { return error.into() };
     for (rust, plain) in WORDS {

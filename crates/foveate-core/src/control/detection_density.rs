@@ -4,15 +4,15 @@ use crate::geometry::State;
 
 /// Independent normal densities of x, y and log scale; that of scale is used if its deviation is above 0.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Law {
+pub(super) struct Density {
     pub mean: [f64; 3],
     pub place: f64,
     pub size: f64,
-    /// log of the density's constant, up to the power of 2π that all laws share.
+    /// log of the density's constant, up to the power of 2π that all densities share.
     pub log_top: f64,
 }
 
-impl Law {
+impl Density {
     pub(super) fn new(mean: [f64; 3], place: f64, size: f64) -> Self {
         Self { mean, place, size, log_top: -2.0 * place.ln() - if size > 0.0 { size.ln() } else { 0.0 } }
     }

@@ -16,7 +16,7 @@ const NUMBERS: u64 = 12;
 
 impl Blueprint {
     /// Returns the memory estimate of targets.
-    pub(crate) fn room(&self) -> MemoryEstimate {
+    pub(crate) fn memory_estimate(&self) -> MemoryEstimate {
         let (c, (n_v, n_h)) = (&self.config, self.encoder.shape());
         let (particles, features) = (c.particles as u64, (n_v + n_h) as u64);
         let state = std::mem::size_of::<State>() as u64;
@@ -39,7 +39,7 @@ impl Blueprint {
             + 3 * 4 * triangle;
         let reach = self.retina.footprints().iter().map(|f| f.reach + f.side).fold(0.0, f64::max) + 1.5;
         let second = self.second.as_ref().map_or(0, |second| {
-            let MemoryEstimate { kept, look, .. } = second.room();
+            let MemoryEstimate { kept, look, .. } = second.memory_estimate();
             kept.saturating_add(look)
         });
         let kept = kept.saturating_add(second);
@@ -61,18 +61,18 @@ impl Blueprint {
 
     /// Bytes that one target takes, about, its template left out: that is a part of a picture.
     pub fn memory_of_target(&self) -> u64 {
-        self.room().kept
+        self.memory_estimate().kept
     }
 
     /// Returns the approximate bytes of a [`crate::Tracker`] for a target in this box, with its own buffers, in pictures of this size.
     pub fn memory_of_tracker(&self, bbox: &BBox, size: Size) -> u64 {
-        let room = self.room();
-        room.of_one(bbox, size).saturating_add(room.look)
+        let estimate = self.memory_estimate();
+        estimate.of_one(bbox, size).saturating_add(estimate.look)
     }
 
     /// Fails if the settings need more memory than the limit, before any is allocated.
     pub(super) fn fits(&self) -> Result<()> {
-        let MemoryEstimate { kept, look, .. } = self.room();
+        let MemoryEstimate { kept, look, .. } = self.memory_estimate();
         let what = format_args!(
             "particles: {} of them, with {} features each, and {} remembered frames,",
             self.config.particles,
