@@ -257,6 +257,11 @@ impl<'a> Seen<'a> {
     pub fn is_given(&self) -> bool {
         self.phase == Phase::Initiated
     }
+    /// Returns the covariance of the centre (xx, xy, yy), px²; `None` if the box was given.
+    pub fn centre_covariance(&self) -> Option<[f64; 3]> {
+        let [[xx, xy, ..], [_, yy, ..], ..] = self.covariance;
+        (!self.is_given()).then_some([xx, xy, yy])
+    }
     /// Returns the values read as a fraction of those of the picture: 0 to 1, or more with a sensor that reads places twice.
     pub fn share_read(&self) -> f64 {
         self.values as f64 / self.shape.iter().product::<usize>() as f64

@@ -114,7 +114,7 @@ impl Stream {
                 let (dropped, latency_ms) = self.measured();
                 let (frame, time, damaged) = (frame.index + 1, frame.time, self.remarks.damaged());
                 let status = if seen.is_given() { "given" } else { seen.status.name() };
-                let covariance = covariance(seen);
+                let covariance = seen.centre_covariance();
                 self.json(&One { frame, time, bbox, covariance, p_lost, status, dropped, damaged, latency_ms })
             }
             Format::Mot => {
@@ -156,18 +156,12 @@ impl Observer for Stream {
         }
         let of = |t: &Seen<'_>| {
             let (id, bbox, deficit) = (t.id, t.bbox, t.consistency.deficit);
-            Target { id, bbox, covariance: covariance(t), phase: t.phase.name(), deficit }
+            Target { id, bbox, covariance: t.centre_covariance(), phase: t.phase.name(), deficit }
         };
         let (dropped, latency_ms) = self.measured();
         let (targets, damaged) = (targets.iter().map(of).collect(), self.remarks.damaged());
         self.json(&Many { frame: frame.index + 1, time: frame.time, targets, dropped, damaged, latency_ms })
     }
-}
-
-/// Returns the covariance of the centre (xx, xy, yy), px²; `None` if the box was given.
-fn covariance(seen: &Seen<'_>) -> Option<[f64; 3]> {
-    let c = &seen.covariance;
-    (!seen.is_given()).then(|| [c[0][0], c[0][1], c[1][1]])
 }
 
 /// Sends one datagram per write; datagrams without a receiver are lost.
@@ -242,7 +236,7 @@ mod tests {
         assert!(text.contains("\"targets\":[{\"id\":3,\"bbox\":{\"x\":1.0") && text.ends_with("}\n"), "{text}");
         let mut seen = Seen::given([40, 30, 1], &bbox).in_phase(Phase::Tracked);
         (seen.covariance[0], seen.covariance[1][1]) = ([4.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0], 9.0);
-        assert_eq!(covariance(&seen), Some([4.0, 0.5, 9.0]), "xx, xy, yy");
+        assert_eq!(seen.centre_covariance(), Some([4.0, 0.5, 9.0]), "xx, xy, yy");
     }
 
     #[test]

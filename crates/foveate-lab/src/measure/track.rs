@@ -37,15 +37,13 @@ pub struct Track {
 impl Position {
     /// Returns the position of a target in a frame.
     pub fn of(frame: &Frame, seen: &Seen<'_>) -> Self {
-        let c = &seen.covariance;
-        let given = seen.is_given();
         Self {
             frame: frame.index + 1,
             time: frame.time,
             centre: (seen.state.x, seen.state.y),
-            covariance: (!given).then(|| [c[0][0], c[0][1], c[1][1]]),
+            covariance: seen.centre_covariance(),
             p_lost: seen.p_lost,
-            status: if given { "given" } else { seen.status.name() }.to_owned(),
+            status: if seen.is_given() { "given" } else { seen.status.name() }.to_owned(),
             usable: seen.is_usable(),
         }
     }
