@@ -322,11 +322,13 @@ impl MultiTracker {
         });
         given.truncate(self.active.len());
         expected.truncate(self.active.len());
+        let mut taken = vec![false; left.len()];
+        given.iter().flatten().for_each(|j| taken[*j] = true);
         for (target, given) in self.active.iter_mut().zip(&given) {
             let index = given.map(|j| numbers[j]).filter(|k| *k < own);
             target.set_detection(given.map(|j| left[j]), index);
         }
-        pairs::retain_both(left, numbers, |j, _| !given.contains(&Some(j)));
+        pairs::retain_both(left, numbers, |j, _| !taken[j]);
     }
 
     /// Sets the visible fraction of each target.
