@@ -29,7 +29,7 @@ impl Engine {
         self.frame += 1;
         let (t, extent, filter) = (self.frame, self.target().extent, &mut self.parts.filter);
         if let Some(leap) = filter.leap() {
-            return filter.wait(&leap, scene.detections, extent);
+            return filter.wait(&leap, scene.detections.first(), extent);
         }
         let Record { belief, ancestors, .. } = &mut self.record;
         *belief = filter.predict(scene, extent, None, (self.streams, t), std::mem::take(belief));
