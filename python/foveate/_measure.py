@@ -87,7 +87,7 @@ class Measurement:
     ask: list[Ask]
     """The pictures to look at, most doubtful first."""
     notes: list[str]
-    """A sentence for each fit that failed."""
+    """Fits that failed, that are no better than a constant, or whose decay is none: whole sentences."""
 
     def __repr__(self) -> str:
         return f"<Measurement of {len(self.frame)} pictures in {self.unit}, {len(self.fits)} fits>"

@@ -52,7 +52,6 @@ pub(crate) fn measure_tracks<'py>(
     let fits: Vec<FitRequest> =
         fits.iter().map(|fit| fit.parse()).collect::<Result<_, String>>().map_err(|problem| input(py, problem))?;
     let lens = lens.map(|path| Lens::read(&path)).transpose().or_raise(py)?;
-    let requested = fits.len();
     let settings = Settings { axes: Axes { ruler, origin, angle }, lens, clock, fits };
     let position = |(frame, time, centre, covariance, p_lost, status, usable): Frame| Position {
         frame: frame + 1,
@@ -68,11 +67,11 @@ pub(crate) fn measure_tracks<'py>(
         points.into_iter().map(|(name, frames)| Track { name, positions: positions(frames) }).collect();
     let reference = reference.map(positions);
     let measured = py.detach(|| measure::measure(&points, reference.as_deref(), &settings)).or_raise(py)?;
-    measured.iter().map(|point| fields(py, point, requested)).collect()
+    measured.iter().map(|point| fields(py, point)).collect()
 }
 
 /// Returns the fields of a measurement.
-fn fields<'py>(py: Python<'py>, measured: &Measurement, requested: usize) -> PyResult<Bound<'py, PyDict>> {
+fn fields<'py>(py: Python<'py>, measured: &Measurement) -> PyResult<Bound<'py, PyDict>> {
     let rows = &measured.rows;
     let pairs = |of: &dyn Fn(&measure::Row) -> [f64; 2]| -> Bound<'py, PyArray2<f64>> {
         let values: Vec<f64> = rows.iter().flat_map(of).collect();
@@ -101,7 +100,6 @@ fn fields<'py>(py: Python<'py>, measured: &Measurement, requested: usize) -> PyR
         (ask.frame - 1, (from, to), ask.p_lost, ask.region, ask.reason)
     });
     dict.set_item("ask", ask.collect::<Vec<_>>())?;
-    // The notes on the failed fits come first; the others are for the program.
-    dict.set_item("notes", &measured.notes[..requested - measured.fits.len()])?;
+    dict.set_item("notes", &measured.fit_notes)?;
     Ok(dict)
 }

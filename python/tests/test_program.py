@@ -114,6 +114,9 @@ def test_measurements_are_those_of_the_program(pictures: Any, tmp_path: Path, re
     assert 2.0 < points["ball"].fits[0].values["v"].value < 2.4, "3 px to the right and 1 px down a picture, axes turned by 10 degrees"
     single = foveate.measure(pictures, FIRST, fps=25)
     assert single.unit == "px" and single.position.shape == (len(pictures), 2) and not single.fits
+    doubtful = foveate.measure(pictures, FIRST, fps=25, fit=["line:x", "exponential:x", "sine:y:0.01-0.02"])
+    assert len(doubtful.fits) == 2, "two fits, and notes on one of them and on the third"
+    assert [note.split(":")[0] for note in doubtful.notes] == ["No decay exponential", "No fit sine"], doubtful.notes
     for wrong in ({}, {"fps": 0.0}, {"fps": 25, "fit": "cubic:y"}, {"fps": 25, "ruler": (1, 1, 1, 1, 1.0)}, {"fps": 25, "ruler": (1, 1)}):
         with pytest.raises(foveate.InputError):
             foveate.measure(pictures, FIRST, **wrong)

@@ -100,8 +100,6 @@ pub(crate) fn charts(measured: &Measurement) -> Json {
         let [from, to] = ask.stretch;
         json!({ "frame": ask.frame, "from": from, "to": to, "reason": ask.reason })
     });
-    // The notes on fits; the others are for the program.
-    let failed = measured.notes.iter().filter(|note| note.starts_with("No "));
     let tracked = [0, 1].map(|axis| rows().map(|row| row.measured.map(|at| at[axis])).collect::<Vec<_>>());
     json!({
         "unit": measured.unit, "summary": measured.text()[0], "origin": measured.axes.origin, "relative": measured.relative,
@@ -109,7 +107,7 @@ pub(crate) fn charts(measured: &Measurement) -> Json {
         "times": rows().map(|row| row.time).collect::<Vec<_>>(),
         "tracked": tracked,
         "motion": motion.collect::<Vec<_>>(), "ask": ask.collect::<Vec<_>>(),
-        "fit": measured.fits.first().map(fitted), "notes": failed.collect::<Vec<_>>(),
+        "fit": measured.fits.first().map(fitted), "notes": measured.fit_notes,
     })
 }
 

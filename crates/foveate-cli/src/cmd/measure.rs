@@ -40,7 +40,8 @@ pub(crate) struct MeasureArgs {
     /// Direction of the x axis, degrees anticlockwise from the picture's right
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, hide_default_value = true, value_parser = measure::parse_angle, allow_hyphen_values = true)]
     angle: f64,
-    /// Frames per second at which the scene was recorded, for slow motion or wrong time stamps. Default: the times of the video
+    /// Frames per second at which the scene was recorded, for slow motion or wrong time stamps. Default: the times of the video; with --track,
+    /// the rate of the fits.json beside it
     #[arg(long, value_name = "RATE[+-ERROR]")]
     fps: Option<Clock>,
     /// Fit a curve to x or y: line, parabola (y: g), sine (period), damped, exponential or drag (y: g), over all times or a range in
@@ -81,7 +82,7 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
         mut run,
     } = args;
     let lens = calibration.as_deref().map(Lens::read).transpose()?;
-    let settings = Settings { axes: Axes { ruler, origin, angle }, lens, clock, fits };
+    let mut settings = Settings { axes: Axes { ruler, origin, angle }, lens, clock, fits };
     let names = named(names, if file.is_some() { 1 } else { run.init.len().max(1) })?;
     let Some(file) = file else {
         if let Some((path, format)) = keyframes.as_ref().zip(format) {
@@ -96,6 +97,12 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
         let inputs: Vec<&Path> =
             [Some(&file), calibration.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
         spare(&folder.join(name), &inputs)?;
+    }
+    if clock.is_none()
+        && let Some(earlier) = measure::read_clock(&file)?
+    {
+        say!("{} frames per second, of the fits.json beside the track; --fps changes them", earlier.rate);
+        settings.clock = Some(earlier);
     }
     let point = Track { name: names.concat(), positions: measure::read(&file)? };
     let measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;

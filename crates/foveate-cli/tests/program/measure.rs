@@ -22,6 +22,11 @@ fn a_video_and_its_track_give_the_same_measurement() {
     for name in ["measure.csv", "fits.json", "ask.csv", "measure.trk"] {
         assert!(place.read(&format!("out/{name}")) == place.read(&format!("again/{name}")), "{name}");
     }
+    // The frame rate is that of the first measurement.
+    let later = [&["measure"], &UNITS[..2], &UNITS[4..], &["--track", "out/track.csv", "-o", "later"]].concat();
+    let later = place.run(&later);
+    assert!(String::from_utf8_lossy(&later.stdout).contains("25 frames per second"), "{}", errors(&later));
+    assert!(place.read("out/measure.csv") == place.read("later/measure.csv"));
     // A thing that moves with the target takes its motion away.
     let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
     let first = truth.lines().next().expect("a box").to_owned();

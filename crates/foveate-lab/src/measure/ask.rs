@@ -1,5 +1,6 @@
 //! The frames at which a person should look, because the target may be lost or its position is doubtful.
 
+use foveate_base::text::counted;
 use foveate_core::seen::credible;
 
 use super::smooth::median;
@@ -69,6 +70,12 @@ pub(super) fn ask(track: &[Position], leaps: &[usize]) -> Vec<Ask> {
 fn radius([xx, xy, yy]: [f64; 3]) -> f64 {
     let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
     (credible(SHARE) * (mean + half.hypot(xy)).max(0.0)).sqrt()
+}
+
+/// Returns the note on the stretches; `None` if there are none.
+pub(super) fn note(asks: &[Ask]) -> Option<String> {
+    let Ask { frame, stretch: [from, to], .. } = asks.first()?;
+    Some(format!("Check {} (ask.csv), first frame {frame} of {from} to {to}.", counted(asks.len(), "place")))
 }
 
 /// Returns the lines of ask.csv of a point.

@@ -2,11 +2,10 @@
 
 use std::str::FromStr;
 
-use foveate_base::text::counted;
 use foveate_base::{Error, Result};
 use serde::Serialize;
 
-use super::ask::{Ask, ask};
+use super::ask::{self, Ask};
 use super::fit::{CHANCE, Fitted, Point, fit, student};
 use super::lens::Lens;
 use super::models::Curve;
@@ -163,6 +162,8 @@ pub struct Measurement {
     pub straightened: bool,
     /// Unit of length: m or px.
     pub unit: &'static str,
+    /// The frame rate that replaced the times of the source.
+    pub clock: Option<Clock>,
     /// Relative standard errors of all lengths and of all times.
     pub relative: [f64; 2],
     /// From the first to the last frame with a position.
@@ -173,7 +174,9 @@ pub struct Measurement {
     pub fits: Vec<Fit>,
     /// The frames to look at, most doubtful first.
     pub ask: Vec<Ask>,
-    /// Fits that failed or are no better than a constant, and other notes: whole sentences.
+    /// Fits that failed, that are no better than a constant, or whose decay is none: whole sentences.
+    pub fit_notes: Vec<String>,
+    /// Other notes: whole sentences.
     pub notes: Vec<String>,
 }
 
@@ -282,7 +285,7 @@ fn measure_point(
     };
     let rows: Vec<Row> = frames.iter().enumerate().map(row).collect();
     let relative = [axes.error(), settings.clock.map_or(0.0, |clock| clock.error / clock.rate)];
-    let (mut fits, mut notes) = (vec![], vec![]);
+    let (mut fits, mut fit_notes) = (vec![], vec![]);
     for request in &settings.fits {
         let inside = |t: f64| request.range.is_none_or(|(from, to)| (from..=to).contains(&t));
         let (samples, smoothing) = (&samples[request.axis], &smoothing[request.axis]);
@@ -292,31 +295,29 @@ fn measure_point(
         match fit(request.curve, &points) {
             Ok(fitted) => {
                 if let Some(chance) = fitted.by_chance.filter(|chance| *chance >= CHANCE) {
-                    let name = request.name();
-                    notes.push(format!(
-                        "No oscillation {name}: errors about a constant fit as well with a probability of up to {chance:.2}."
+                    fit_notes.push(format!(
+                        "No oscillation {}: errors about a constant fit as well with a probability of up to {chance:.2}.",
+                        request.name()
                     ));
                 }
                 if let Some((tau, simpler)) = undamped(request.curve, &fitted) {
-                    notes.push(format!(
+                    fit_notes.push(format!(
                         "No decay {}: the 95 % interval of tau ({tau:.3} s) has no upper end. Fit {simpler}.",
                         request.name()
                     ));
                 }
                 fits.push(result(name, request, &points, &fitted, (axes.unit(), relative)));
             }
-            Err(problem) => notes.push(format!("No fit {}: {problem}.", request.name())),
+            Err(problem) => fit_notes.push(format!("No fit {}: {problem}.", request.name())),
         }
     }
     let leaps = |k: &usize| smoothing.iter().any(|smoothing| smoothing.inflation[*k] > 1.0);
     let leaps: Vec<usize> = (0..frames.len()).filter(leaps).map(|k| first + k).collect();
-    let ask = ask(track, &leaps);
-    if let Some(Ask { frame, stretch: [from, to], .. }) = ask.first() {
-        let places = counted(ask.len(), "place");
-        notes.push(format!("Check {places} (ask.csv), first frame {frame} of {from} to {to}."));
-    }
-    let (point, straightened) = (name.to_owned(), settings.lens.is_some());
-    Ok(Measurement { point, axes: *axes, straightened, unit: axes.unit(), relative, rows, smoothing, fits, ask, notes })
+    let ask = ask::ask(track, &leaps);
+    let notes = ask::note(&ask).into_iter().collect();
+    let (point, straightened, clock) = (name.to_owned(), settings.lens.is_some(), settings.clock);
+    let (axes, unit) = (*axes, axes.unit());
+    Ok(Measurement { point, axes, straightened, unit, clock, relative, rows, smoothing, fits, fit_notes, ask, notes })
 }
 
 /// Returns the usual covariance of a track, for frames whose box was given.
@@ -563,7 +564,7 @@ pub(super) mod tests {
             let at = |(k, p): (usize, Position)| Position { centre: centre(k), ..p };
             let track: Vec<Position> = falling(0.0).into_iter().enumerate().map(at).collect();
             let measured = measured(&track, None, &Settings { fits: fits.clone(), ..settings() });
-            measured.expect("a measurement").notes
+            measured.expect("a measurement").fit_notes
         };
         let is_doubted = |notes: Vec<String>| notes.iter().any(|note| note.starts_with("No oscillation sine:x:"));
         assert!(is_doubted(notes(0.0)) && !is_doubted(notes(20.0)), "{:?} {:?}", notes(0.0), notes(20.0));
@@ -573,7 +574,11 @@ pub(super) mod tests {
     fn a_fit_that_fails_is_a_note() {
         let fits = vec![FitRequest { curve: Curve::Sine, axis: 0, range: Some((0.1, 0.12)) }];
         let failed = measured(&falling(0.0), None, &Settings { fits, ..settings() }).expect("a measurement");
-        assert!(failed.fits.is_empty() && failed.notes[0].contains("No fit sine:x:0.1-0.12"), "{:?}", failed.notes);
+        assert!(
+            failed.fits.is_empty() && failed.fit_notes[0].contains("No fit sine:x:0.1-0.12"),
+            "{:?}",
+            failed.fit_notes
+        );
         assert!(measured(&[], None, &settings()).expect_err("empty").to_string().contains("no frame"));
     }
 }

@@ -1,8 +1,12 @@
 //! The texts of lengths, points, angles and rates in options: pixels count from 1.
 
+use std::path::Path;
 use std::str::FromStr;
 
+use serde::Deserialize;
+
 use super::units::{Clock, Ruler};
+use foveate_base::{Error, files};
 
 type Parsed<T> = Result<T, String>;
 
@@ -78,6 +82,27 @@ impl FromStr for Clock {
     }
 }
 
+/// Reads the frame rate of an earlier measurement from its fits.json, which lies beside the track; `None` if there is no such file, or if
+/// the times were those of the video.
+///
+/// # Errors
+/// The file cannot be read, or has no frame rate.
+pub fn read_clock(track: &Path) -> foveate_base::Result<Option<Clock>> {
+    #[derive(Deserialize)]
+    struct Fits {
+        fps: Option<Clock>,
+    }
+    let path = track.with_file_name("fits.json");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let problem = |e: String| Error::malformed(&path, format!("{e}; give --fps, or move the file"));
+    let fits: Fits =
+        serde_json::from_str(&files::read_text(&path, files::TEXT)?).map_err(|e| problem(e.to_string()))?;
+    let checked = |Clock { rate, error }| format!("{rate}+-{error}").parse().map_err(problem);
+    fits.fps.map(checked).transpose()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -108,5 +133,21 @@ mod tests {
         }
         assert!(clock("1e-13").is_err() && clock("1e-12").is_ok());
         assert!(clock("0").is_err() && clock("30+-x").is_err() && parse_point("1").is_err());
+    }
+
+    #[test]
+    fn a_later_measurement_reads_the_rate_of_an_earlier_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let track = folder.path().join("track.csv");
+        assert_eq!(read_clock(&track).expect("no file"), None);
+        let read = |text: &str| {
+            std::fs::write(folder.path().join("fits.json"), text).expect("a file");
+            read_clock(&track).map_err(|e| e.to_string())
+        };
+        assert_eq!(read(r#"{"fps": {"rate": 240.0, "error": 0.5}}"#), Ok(Some(Clock { rate: 240.0, error: 0.5 })));
+        assert_eq!(read(r#"{"fps": null, "fits": []}"#), Ok(None));
+        for wrong in ["[", r#"{"fps": 25}"#, r#"{"fps": {"rate": 0.0, "error": 0.0}}"#] {
+            assert!(read(wrong).is_err_and(|e| e.contains("fits.json") && e.contains("--fps")), "{wrong}");
+        }
     }
 }

@@ -34,7 +34,7 @@ fn cards(measured: &Measurement, named: bool) -> String {
         [] => "<p>No fit. Add one with --fit, such as --fit parabola:y.</p>\n".to_owned(),
         fits => fits.iter().map(table).collect(),
     };
-    let notes: String = measured.notes.iter().map(|note| format!("<p>{}</p>\n", escape(note))).collect();
+    let notes: String = measured.all_notes().map(|note| format!("<p>{}</p>\n", escape(note))).collect();
     let quantities = ["Position", "Velocity", "Acceleration"];
     let motion: String = (0..3)
         .flat_map(|i| (0..2).map(move |axis| (i, axis)))

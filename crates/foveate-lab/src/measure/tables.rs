@@ -64,7 +64,8 @@ fn json(points: &[Measurement]) -> String {
     let [scale, clock] = points[0].relative;
     let fits: Vec<&Fit> = points.iter().flat_map(|point| &point.fits).collect();
     let value = serde_json::json!({
-        "unit": points[0].unit, "relative_error_of_scale": scale, "relative_error_of_clock": clock, "fits": fits, "notes": notes(points),
+        "unit": points[0].unit, "fps": points[0].clock, "relative_error_of_scale": scale, "relative_error_of_clock": clock, "fits": fits,
+        "notes": notes(points),
     });
     format!("{value:#}\n")
 }
@@ -75,7 +76,7 @@ fn notes(points: &[Measurement]) -> Vec<String> {
         1 => note.clone(),
         _ => format!("{}: {note}", point.point),
     };
-    points.iter().flat_map(|point| point.notes.iter().map(move |text| note(point, text))).collect()
+    points.iter().flat_map(|point| point.all_notes().map(move |text| note(point, text))).collect()
 }
 
 /// Returns the results as lines of text.
@@ -105,8 +106,13 @@ impl Measurement {
             ));
             lines.extend(fit.values.iter().map(|value| format!("  {}", value.text())));
         }
-        lines.extend(self.notes.iter().cloned());
+        lines.extend(self.all_notes().cloned());
         lines
+    }
+
+    /// Returns all notes.
+    pub(super) fn all_notes(&self) -> impl Iterator<Item = &String> {
+        self.fit_notes.iter().chain(&self.notes)
     }
 }
 

@@ -1,5 +1,7 @@
 //! From pixels and frames to metres and seconds.
 
+use serde::{Deserialize, Serialize};
+
 use foveate_base::{Error, Result};
 
 use super::lens::Lens;
@@ -40,7 +42,7 @@ impl Ruler {
 }
 
 /// A frame rate that replaces the times of the source.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Clock {
     /// Frames per second, above 0.
     pub rate: f64,
