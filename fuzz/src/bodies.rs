@@ -143,7 +143,8 @@ fn one() -> &'static Blueprint {
 
 fn several() -> &'static Blueprint {
     static SEVERAL: OnceLock<Blueprint> = OnceLock::new();
-    SEVERAL.get_or_init(|| blueprint(&format!("{SMALL}[multi_target]\n")))
+    // With fewer looks than targets, so that some wait.
+    SEVERAL.get_or_init(|| blueprint(&format!("{SMALL}[detection_likelihood]\n[multi_target.attention]\nbudget = 2\n")))
 }
 
 const SIDE: usize = 40;
@@ -193,6 +194,7 @@ pub(crate) fn saved() -> [(&'static str, Vec<u8>); 2] {
         let at = 4.0 + 6.0 * f64::from(t);
         many.add(&picture(t), None, BBox::new(at, at, 8.0, 8.0)).expect("a box in the picture");
     }
+    many.update(&picture(3), &[]).expect("a picture of the same size");
     let text = |state: SavedState| state.to_string().into_bytes();
     [("tracker.json", text(tracker.save())), ("many.json", text(many.save()))]
 }

@@ -118,6 +118,8 @@ fn the_states_of_the_corpus_are_states() {
             path.display()
         );
     }
+    let many = bodies::saved()[1].1.clone();
+    assert!(String::from_utf8(many).expect("JSON").contains("\"waiting\":{"), "a target waits for a look");
 }
 
 /// One number of a state is another: it is refused, or the tracker continues. An eighth of all numbers and values; the step of 8 and nine values

@@ -46,6 +46,9 @@ pub(super) struct FilterState {
 
 foveate_base::opaque_debug!(Filter);
 
+/// The largest number of a saved particle: squares of larger ones overflow sooner or later.
+const FARTHEST: f64 = 1e9;
+
 /// The largest log of width / height, relative to frame 1, that a target is given: 20 to 1.
 const MOST_ASPECT: f64 = 3.0;
 
@@ -61,7 +64,11 @@ impl Validate<&Filter> for FilterState {
         ensure(particles == n && weights == n, || {
             format!("it has {particles} particles and {weights} weights, this tracker has {n}")
         })?;
-        ensure(self.waiting.is_none() || filter.leap().is_some(), || "it waits, but its motion is not normal".into())
+        let is_near = |particle: &State| particle.to_array().iter().all(|value| value.abs() <= FARTHEST);
+        ensure(self.particles.iter().all(is_near), || format!("it has a particle beyond {FARTHEST:e}"))?;
+        ensure(self.waiting.is_none() || filter.leap().is_some(), || "it waits, but its motion is not normal".into())?;
+        let is_possible = |it: &Waiting| is_near(&it.mean) && it.has_covariance(FARTHEST);
+        ensure(self.waiting.as_ref().is_none_or(is_possible), || "it waits, but without mean and covariance".into())
     }
 }
 
@@ -219,13 +226,13 @@ impl Filter {
     }
 
     /// Runs a frame of this motion without a look, with the target's detection if it has one. Returns mean and covariance.
-    pub(super) fn wait(&mut self, leap: &Leap, detection: &[Detection], extent: Extent) -> (State, Covariance) {
+    pub(super) fn wait(&mut self, leap: &Leap, detection: Option<&Detection>, extent: Extent) -> (State, Covariance) {
         let mut waiting = self.state.waiting.unwrap_or_else(|| {
             let weights: Vec<f64> = self.state.log_weights.iter().map(|w| w.exp()).collect();
             Waiting::of(&Belief { states: &self.state.particles, weights: &weights })
         });
         waiting.advance(leap);
-        if let Some(likelihood) = &self.detection_likelihood {
+        if let (Some(likelihood), Some(detection)) = (&self.detection_likelihood, detection) {
             waiting.measure(detection, likelihood, extent);
         }
         self.state.waiting = Some(waiting);
@@ -272,6 +279,17 @@ mod tests {
         assert!(fits(state(3, 3, None), 0.1) && fits(state(3, 3, Some(wait)), 0.0));
         assert!(!fits(state(2, 3, None), 0.0) && !fits(state(3, 4, None), 0.0));
         assert!(!fits(state(3, 3, Some(wait)), 0.1), "a mixture of normals cannot wait");
+        let mut far = state(3, 3, None);
+        far.particles[1].x = 1e10;
+        assert!(!fits(far, 0.0));
+        // Neither a negative variance nor a covariance above those of its numbers.
+        for (at, value) in [((0, 0), -1.0), ((0, 1), 1.0), ((0, 0), 1e300)] {
+            let mut wait = wait;
+            wait.covariance[at.0][at.1] = value;
+            assert!(!fits(state(3, 3, Some(wait)), 0.0), "{value} at {at:?}");
+        }
+        let far = Waiting { mean: State { x: 1e10, ..State::default() }, ..wait };
+        assert!(!fits(state(3, 3, Some(far)), 0.0));
     }
 
     /// Logarithms of size and shape add up; a shape stays within its limits.

@@ -29,6 +29,14 @@ impl Waiting {
         Self { mean: belief.mean(), covariance: belief.covariance() }
     }
 
+    /// Returns whether its covariance is one, up to rounding: variances are not negative, none exceeds `most` squared, and no covariance exceeds
+    /// those of its two numbers.
+    pub(super) fn has_covariance(&self, most: f64) -> bool {
+        let c = &self.covariance;
+        let fits = |i: usize, j: usize| c[i][j] * c[i][j] <= c[i][i] * c[j][j] * (1.0 + 1e-6) + 1e-12;
+        (0..State::N).all(|i| (-1e-12..=most * most).contains(&c[i][i]) && (0..State::N).all(|j| fits(i, j)))
+    }
+
     /// Moves it with the camera.
     pub(super) fn shift(&mut self, camera_motion: &CameraMotion, flow: &Flow) {
         camera_motion.shift(flow, std::slice::from_mut(&mut self.mean));
@@ -40,8 +48,8 @@ impl Waiting {
     }
 
     /// Updates it by the target's detection, unless a false detection explains that one better.
-    pub(super) fn measure(&mut self, detection: &[Detection], likelihood: &DetectionLikelihood, extent: Extent) {
-        let Some(measurement) = likelihood.measurements(detection, extent).next() else { return };
+    pub(super) fn measure(&mut self, detection: &Detection, likelihood: &DetectionLikelihood, extent: Extent) {
+        let Some(measurement) = likelihood.measurements(std::slice::from_ref(detection), extent).next() else { return };
         let (mut mean, mut covariance, mut log_evidence) = (self.mean.to_array(), self.covariance, 0.0);
         // Their errors are independent: one after the other.
         for ((k, value), sd) in MEASURED.into_iter().zip(measurement.values).zip(measurement.sd) {
@@ -131,14 +139,14 @@ mod tests {
         const DRAWS: usize = 400_000;
         let motion = Autoregressive { velocity: 0.7, position: 0.4, log_scale: 0.05, ..Autoregressive::default() };
         let likelihood = DetectionLikelihood { place: 0.2, size: 0.1, outlier: 1e-9 };
-        let detection = [Detection::new(BBox::around(55.0, 57.0, 26.0, 50.0), 1.0)];
+        let detection = Detection::new(BBox::around(55.0, 57.0, 26.0, 50.0), 1.0);
         let (mut exact, mut rng) = (waiting(), Streams::new(5, 0).rng(0));
         let mut states = vec![State::default(); DRAWS];
         exact.draw(&mut states, &mut rng);
         agree(&of(&states, &vec![1.0 / DRAWS as f64; DRAWS]), &exact, DRAWS as f64);
         states.iter_mut().for_each(|state| *state = motion.sample(state, &mut rng));
         let mut weights: Vec<f64> =
-            states.iter().map(|state| likelihood.log_likelihood(&detection, state, EXTENT).exp()).collect();
+            states.iter().map(|state| likelihood.log_likelihood(&[detection], state, EXTENT).exp()).collect();
         let sum: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|weight| *weight /= sum);
         exact.advance(&motion.over(1).expect("normal"));
@@ -148,18 +156,15 @@ mod tests {
         assert!(exact.mean.x > 52.5 && exact.covariance[0][0] < 4.0 && exact.covariance[2][2] < 0.99, "{exact:?}");
     }
 
-    /// A detection that is less likely than a false one changes nothing; nor does none, or one without an area.
+    /// A detection that is less likely than a false one changes nothing; nor does one without an area.
     #[test]
     fn false_detections_are_ignored() {
         let likelihood = DetectionLikelihood { place: 0.2, size: 0.1, outlier: 1e-3 };
         for (x, w, moves) in [(52.0, 22.0, true), (75.0, 22.0, false), (52.0, 0.0, false), (52.0, 100.0, false)] {
             let mut it = waiting();
-            it.measure(&[Detection::new(BBox::around(x, 60.0, w, 44.0), 1.0)], &likelihood, EXTENT);
+            it.measure(&Detection::new(BBox::around(x, 60.0, w, 44.0), 1.0), &likelihood, EXTENT);
             assert_eq!(it.mean != FROM, moves, "at {x}, {w} wide");
         }
-        let mut it = waiting();
-        it.measure(&[], &likelihood, EXTENT);
-        assert_eq!((it.mean, it.covariance), (FROM, waiting().covariance));
     }
 
     /// Of numbers that determine each other, one has noise.
