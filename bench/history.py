@@ -62,22 +62,13 @@ def peers(digit):
     text = "".join(random.Random(7).choices("abcdefgh ", k=2_000_000)).encode()
     found = {"zlib": lambda: zlib.compress(text, 6)}
     try:
-        import cv2
+        from trackers import follow, trackers
     except ImportError:
         return found
-    cv2.setNumThreads(1)
-    pictures = [cv2.imread(path) for path in sorted(glob.glob(f"{digit}/img/*"))[:40]]
-    box = tuple(int(float(v)) for v in first_box(f"{digit}/groundtruth_rect.txt").split(","))
-
-    def csrt():
-        tracker = cv2.TrackerCSRT_create()
-        tracker.init(pictures[0], box)
-        for picture in pictures[1:]:
-            tracker.update(picture)
-
-    if hasattr(cv2, "TrackerCSRT_create"):
-        found["CSRT"] = csrt
-    return found
+    paths = sorted(glob.glob(f"{digit}/img/*"))[:40]
+    box = tuple(float(v) for v in first_box(f"{digit}/groundtruth_rect.txt").split(","))
+    csrt = [make for short, (_, make) in trackers().items() if short == "csrt"]
+    return found | {"CSRT": lambda: follow(make, paths, box) for make in csrt}
 
 
 def cost(command):

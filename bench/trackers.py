@@ -81,7 +81,7 @@ def nano(files):
     return make
 
 
-def trackers(nano_files):
+def trackers(nano_files=None):
     """Short name -> (name with version, maker), of those that are installed."""
     cv2.setNumThreads(1)
     found = {}
