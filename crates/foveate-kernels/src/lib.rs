@@ -46,7 +46,7 @@ mod zeros;
 pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use classes::{add_to_both, softplus_sum};
-pub use colour::{blue_yellow, luma, red_green, take_apart};
+pub use colour::{Decoding, blue_yellow, luma, red_green, rgb_of_yuv, take_apart, weighted, weighted_squares};
 pub use convolve::{FILTERS, Layer, convolve, correlate, paired, to_steps};
 pub use covariance::{
     Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,

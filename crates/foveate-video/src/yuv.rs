@@ -6,6 +6,7 @@
 
 use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
+use foveate_kernels as kernels;
 
 /// One decoded picture: 8 bits a sample, chroma of half or full size in either direction.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -83,32 +84,24 @@ impl Yuv {
         let (kr, kb) = (colour.kr, colour.kb);
         let kg = 1.0 - kr - kb;
         let fixed = |x: f64| (x * 65536.0).round() as i32;
-        let gain = fixed(luma);
-        let offset = 32768 - fixed(luma * black);
-        let (rv, bu) = (fixed(2.0 * (1.0 - kr) * chroma), fixed(2.0 * (1.0 - kb) * chroma));
-        let (gu, gv) = (fixed(2.0 * (1.0 - kb) * kb / kg * chroma), fixed(2.0 * (1.0 - kr) * kr / kg * chroma));
+        let law = kernels::Decoding {
+            gain: fixed(luma),
+            offset: 32768 - fixed(luma * black),
+            red_v: fixed(2.0 * (1.0 - kr) * chroma),
+            green_u: fixed(2.0 * (1.0 - kb) * kb / kg * chroma),
+            green_v: fixed(2.0 * (1.0 - kr) * kr / kg * chroma),
+            blue_u: fixed(2.0 * (1.0 - kb) * chroma),
+        };
         let (width, n) = (self.width, self.width * self.height);
-        let (across, down) =
-            (if self.chroma.width == width { 1 } else { 2 }, if self.chroma.height == self.height { 1 } else { 2 });
+        let down = if self.chroma.height == self.height { 1 } else { 2 };
         let mut data = vec![0; 3 * n];
         let (red, rest) = data.split_at_mut(n);
         let (green, blue) = rest.split_at_mut(n);
         let rows = red.chunks_exact_mut(width).zip(green.chunks_exact_mut(width)).zip(blue.chunks_exact_mut(width));
         for (row, ((red, green), blue)) in rows.enumerate() {
             let y = &self.y[row * width..][..width];
-            let u = &self.u[row / down * self.chroma.width..][..self.chroma.width];
-            let v = &self.v[row / down * self.chroma.width..][..self.chroma.width];
-            let cells = red.chunks_mut(across).zip(green.chunks_mut(across)).zip(blue.chunks_mut(across));
-            for ((((red, green), blue), y), (&u, &v)) in cells.zip(y.chunks(across)).zip(u.iter().zip(v)) {
-                let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
-                let (r, g, b) = (offset + rv * v, offset - gu * u - gv * v, offset + bu * u);
-                for (((red, green), blue), &y) in red.iter_mut().zip(green).zip(blue).zip(y) {
-                    let y = gain * i32::from(y);
-                    *red = ((y + r) >> 16).clamp(0, 255) as u8;
-                    *green = ((y + g) >> 16).clamp(0, 255) as u8;
-                    *blue = ((y + b) >> 16).clamp(0, 255) as u8;
-                }
-            }
+            let uv = [&self.u, &self.v].map(|plane| &plane[row / down * self.chroma.width..][..self.chroma.width]);
+            kernels::rgb_of_yuv(y, uv, &law, [red, green, blue]);
         }
         Image::new(width, self.height, 3, data).expect("three planes of the size of luma")
     }
@@ -140,10 +133,8 @@ impl Yuv {
         let planes = [image.plane(0), image.plane(last.min(1)), image.plane(last)];
         let row = |plane: usize, y: usize| &planes[plane][y.min(image.height() - 1) * image.width()..][..image.width()];
         for (y, line) in out.y.chunks_exact_mut(width).enumerate() {
-            let pixels = row(0, y).iter().zip(row(1, y)).zip(row(2, y));
-            for (out, ((&r, &g), &b)) in line.iter_mut().zip(pixels) {
-                *out = ((black + wr * i32::from(r) + wg * i32::from(g) + wb * i32::from(b)) >> 16) as u8;
-            }
+            let shown = &mut line[..image.width()];
+            kernels::weighted([row(0, y), row(1, y), row(2, y)], [wr, wg, wb], black, shown);
             line[width - 1] = line[image.width() - 1];
         }
         if image.planes() == 1 {
@@ -151,16 +142,9 @@ impl Yuv {
         }
         let middle = (128 << 18) + (1 << 17);
         for (y, (u, v)) in out.u.chunks_exact_mut(cw).zip(out.v.chunks_exact_mut(cw)).enumerate() {
-            let [r, g, b] = [0, 1, 2].map(|plane| (row(plane, 2 * y), row(plane, 2 * y + 1)));
-            let sum = |(top, bottom): (&[u8], &[u8]), x: usize| {
-                let right = (2 * x + 1).min(top.len() - 1);
-                i32::from(top[2 * x]) + i32::from(top[right]) + i32::from(bottom[2 * x]) + i32::from(bottom[right])
-            };
-            for (x, (u, v)) in u.iter_mut().zip(v).enumerate() {
-                let (r, g, b) = (sum(r, x), sum(g, x), sum(b, x));
-                *u = ((middle + ur * r + ug * g + ub * b) >> 18) as u8;
-                *v = ((middle + vr * r + vg * g + vb * b) >> 18) as u8;
-            }
+            let rows = [0, 1, 2].map(|plane| [row(plane, 2 * y), row(plane, 2 * y + 1)]);
+            kernels::weighted_squares(rows, [ur, ug, ub], middle, u);
+            kernels::weighted_squares(rows, [vr, vg, vb], middle, v);
         }
         out
     }

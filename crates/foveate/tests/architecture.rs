@@ -10,7 +10,7 @@ const CRATES: [(&str, &[&str]); 15] = [
     ("gp", &["base", "kernels"]),
     ("learn", &["base", "kernels"]),
     ("core", &["base", "kernels", "gp", "learn"]),
-    ("video", &["base", "core"]),
+    ("video", &["base", "kernels", "core"]),
     ("report", &["base", "core", "video"]),
     ("page", &["base", "core", "video", "report", "lab"]),
     ("lab", &["base", "kernels", "gp", "learn", "core", "video", "report"]),
