@@ -173,7 +173,11 @@ impl Image {
     pub fn to_rgb8(&self) -> Vec<u8> {
         let last = self.planes - 1;
         let (r, g, b) = (self.plane(0), self.plane(last.min(1)), self.plane(last));
-        r.iter().zip(g).zip(b).flat_map(|((&r, &g), &b)| [r, g, b]).collect()
+        let mut pixels = vec![0; 3 * r.len()];
+        for (pixel, ((r, g), b)) in pixels.as_chunks_mut::<3>().0.iter_mut().zip(r.iter().zip(g).zip(b)) {
+            *pixel = [*r, *g, *b];
+        }
+        pixels
     }
     /// One grey plane: BT.601 luma of a colour picture, a copy of a grey one.
     pub fn to_grey(&self) -> Self {
