@@ -25,7 +25,8 @@ pub struct Drawing {
 impl Drawing {
     /// Creates a page of one colour. Panics if a side is 0.
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
-        let bytes = colour.iter().flat_map(|&c| std::iter::repeat_n(c, width * height)).collect();
+        let mut bytes = Vec::with_capacity(3 * width * height);
+        colour.into_iter().for_each(|value| bytes.resize(bytes.len() + width * height, value));
         Self { image: Image::new(width, height, 3, bytes).expect("three planes of a size that is not zero") }
     }
 
@@ -41,6 +42,10 @@ impl Drawing {
             for y in 0..height.min(page.1.saturating_sub(top)) {
                 let row = &from[y * image.height() / height * image.width()..][..image.width()];
                 let line = &mut to[(top + y) * page.0..][..page.0];
+                if width == image.width() {
+                    line[left.min(page.0)..][..columns.len()].copy_from_slice(&row[..columns.len()]);
+                    continue;
+                }
                 for (pixel, &x) in line.iter_mut().skip(left).zip(&columns) {
                     *pixel = row[x];
                 }
@@ -65,44 +70,43 @@ impl Drawing {
         self.image
     }
 
-    /// Returns the columns and rows that a box touches. Casts from f64 saturate: coordinates may have any value, or be NaN.
+    /// Returns the columns and rows that a box touches.
     fn pixels(&self, ((left, top), (right, bottom)): (Point, Point)) -> (Range<usize>, Range<usize>) {
-        let span = |from: f64, to: f64, side: usize| {
-            let end = (to.ceil() + 1.0).clamp(0.0, side as f64) as usize;
-            (from.floor().max(0.0) as usize).min(end)..end
-        };
-        (span(left, right, self.width()), span(top, bottom, self.height()))
+        (touched(left, right, &(0..self.width())), touched(top, bottom, &(0..self.height())))
     }
 
     /// Blends a colour over the pixels of a box with the given `coverage` (0 to 1).
     fn cover(&mut self, bounds: (Point, Point), colour: Colour, coverage: impl Fn(usize, usize) -> f64) {
-        let width = self.width();
         let (columns, rows) = self.pixels(bounds);
+        let mut alphas = vec![0; columns.len()];
         for y in rows {
-            for x in columns.clone() {
-                let alpha = coverage(x, y);
-                if alpha > 0.0 {
-                    self.blend(y * width + x, colour, alpha.min(1.0));
-                }
+            for (alpha, x) in alphas.iter_mut().zip(columns.clone()) {
+                *alpha = fixed(coverage(x, y));
             }
+            self.blend(columns.start, y, &alphas, colour);
         }
     }
 
-    /// Blends a colour over a pixel.
-    fn blend(&mut self, at: usize, colour: Colour, alpha: f64) {
+    /// Blends a colour over the pixels from (`x`, `y`) to the right, of which each has its [`fixed`] alpha.
+    fn blend(&mut self, x: usize, y: usize, alphas: &[i32], colour: Colour) {
+        let at = y * self.width() + x;
         for (p, c) in colour.into_iter().enumerate() {
-            let pixel = &mut self.image.plane_mut(p)[at];
-            *pixel = (f64::from(*pixel) + alpha * (f64::from(c) - f64::from(*pixel))).round() as u8;
+            for (pixel, alpha) in self.image.plane_mut(p)[at..][..alphas.len()].iter_mut().zip(alphas) {
+                let step = alpha * (i32::from(c) - i32::from(*pixel));
+                *pixel = (i32::from(*pixel) + ((step + OPAQUE / 2) >> 16)) as u8;
+            }
         }
     }
 
     /// Fills a box, with edges at any position between pixels.
     pub fn fill(&mut self, left: f64, top: f64, width: f64, height: f64, colour: Colour, alpha: f64) {
         let (right, bottom) = (left + width, top + height);
-        let share = |at: f64, from: f64, to: f64| (to.min(at + 0.5) - from.max(at - 0.5)).clamp(0.0, 1.0);
-        self.cover(((left - 1.0, top - 1.0), (right + 1.0, bottom + 1.0)), colour, |x, y| {
-            alpha * share(x as f64, left, right) * share(y as f64, top, bottom)
-        });
+        let share =
+            |at: usize, from: f64, to: f64| (to.min(at as f64 + 0.5) - from.max(at as f64 - 0.5)).clamp(0.0, 1.0);
+        let bounds = ((left - 1.0, top - 1.0), (right + 1.0, bottom + 1.0));
+        let (columns, _) = self.pixels(bounds);
+        let across: Vec<f64> = columns.clone().map(|x| share(x, left, right)).collect();
+        self.cover(bounds, colour, |x, y| alpha * across[x - columns.start] * share(y, top, bottom));
     }
 
     /// Blends colours over the pixels whose centres lie in a box, each with its own colour and alpha (0 to 1); `None` leaves a pixel
@@ -115,13 +119,12 @@ impl Drawing {
         height: f64,
         colour: impl Fn(f64, f64) -> Option<(Colour, f64)>,
     ) {
-        let page = self.width();
         let (columns, rows) = self.pixels(((left, top), (left + width, top + height)));
         let inside = |at: f64, from: f64, long: f64| from <= at && at < from + long;
         for y in rows.filter(|&y| inside(y as f64, top, height)) {
             for x in columns.clone().filter(|&x| inside(x as f64, left, width)) {
                 if let Some((colour, alpha)) = colour(x as f64, y as f64) {
-                    self.blend(y * page + x, colour, alpha);
+                    self.blend(x, y, &[fixed(alpha)], colour);
                 }
             }
         }
@@ -131,24 +134,33 @@ impl Drawing {
     ///
     /// Coverage is accumulated over all segments and blended once, so that corners are no darker than the rest.
     pub fn line(&mut self, points: &[Point], thick: f64, colour: Colour, alpha: f64) {
-        let r = thick / 2.0;
-        let Some(whole) = bounds(points, r + 1.0) else { return };
+        let reach = thick / 2.0 + 0.5;
+        let Some(whole) = bounds(points, reach) else { return };
         let (columns, rows) = self.pixels(whole);
-        let width = columns.len();
+        let (left, width) = (columns.start, columns.len());
         let mut coverage = vec![0.0f32; width * rows.len()];
-        let ends = |i: usize| (points[i], points[(i + 1).min(points.len() - 1)]);
-        for (from, to) in (0..points.len().max(2) - 1).map(ends) {
-            let Some(near) = bounds(&[from, to], r + 1.0) else { continue };
-            let (near_columns, near_rows) = self.pixels(near);
-            for y in near_rows {
-                for x in near_columns.clone() {
-                    let d = to_segment((x as f64, y as f64), from, to);
-                    let pixel = &mut coverage[(y - rows.start) * width + (x - columns.start)];
-                    *pixel = pixel.max((0.5 + r - d).clamp(0.0, 1.0) as f32);
+        let segments = (0..points.len().max(2) - 1).map(|i| (points[i], points[(i + 1).min(points.len() - 1)]));
+        for (from, to) in segments.clone() {
+            for (y, columns) in near((&columns, &rows), from, to, reach) {
+                let row = &mut coverage[(y - rows.start) * width..][columns.start - left..columns.end - left];
+                for (x, covered) in columns.zip(row) {
+                    let squared = to_segment((x as f64, y as f64), from, to);
+                    if squared < reach * reach {
+                        *covered = covered.max((reach - squared.sqrt()).min(1.0) as f32);
+                    }
                 }
             }
         }
-        self.cover(whole, colour, |x, y| alpha * f64::from(coverage[(y - rows.start) * width + (x - columns.start)]));
+        let mut alphas = Vec::with_capacity(width);
+        for (from, to) in segments {
+            for (y, columns) in near((&columns, &rows), from, to, reach) {
+                let row = &mut coverage[(y - rows.start) * width..][columns.start - left..columns.end - left];
+                alphas.clear();
+                // What is drawn is taken away: segments that touch the same pixels find nothing left.
+                alphas.extend(row.iter_mut().map(|covered| fixed(alpha * f64::from(std::mem::take(covered)))));
+                self.blend(columns.start, y, &alphas, colour);
+            }
+        }
     }
 
     /// Draws a closed line.
@@ -166,7 +178,8 @@ impl Drawing {
     pub fn ring(&mut self, centre: Point, radius: f64, thick: f64, colour: Colour, alpha: f64) {
         let Some(whole) = bounds(&[centre], radius + thick + 1.0) else { return };
         self.cover(whole, colour, |x, y| {
-            let off = (x as f64 - centre.0).hypot(y as f64 - centre.1) - radius;
+            let (x, y) = (x as f64 - centre.0, y as f64 - centre.1);
+            let off = (x * x + y * y).sqrt() - radius;
             alpha * (0.5 + thick / 2.0 - off.abs()).clamp(0.0, 1.0)
         });
     }
@@ -200,12 +213,46 @@ fn bounds(points: &[Point], margin: f64) -> Option<(Point, Point)> {
     Some(((low.0 - margin, low.1 - margin), (high.0 + margin, high.1 + margin)))
 }
 
+/// Returns those of the given pixels that an interval touches. Casts from f64 saturate: coordinates may have any value, or be NaN.
+fn touched(from: f64, to: f64, pixels: &Range<usize>) -> Range<usize> {
+    let end = ((to.ceil() + 1.0).max(0.0) as usize).clamp(pixels.start, pixels.end);
+    (from.floor().max(0.0) as usize).clamp(pixels.start, end)..end
+}
+
+/// Returns the rows, and the columns in each, that may lie within `reach` of a segment.
+fn near(
+    (columns, rows): (&Range<usize>, &Range<usize>),
+    a: Point,
+    b: Point,
+    reach: f64,
+) -> impl Iterator<Item = (usize, Range<usize>)> {
+    touched(a.1.min(b.1) - reach, a.1.max(b.1) + reach, rows).map(move |y| {
+        // The points of the segment that are no further above or below.
+        let at = |y: f64| a.0 + ((y - a.1) / (b.1 - a.1)).clamp(0.0, 1.0) * (b.0 - a.0);
+        let (from, to) = match a.1 == b.1 {
+            true => (a.0, b.0),
+            false => (at(y as f64 - reach), at(y as f64 + reach)),
+        };
+        (y, touched(from.min(to) - reach, from.max(to) + reach, columns))
+    })
+}
+
+/// Returns the squared distance of a point to a segment.
 fn to_segment(p: Point, a: Point, b: Point) -> f64 {
     let (dx, dy) = (b.0 - a.0, b.1 - a.1);
     let length = dx * dx + dy * dy;
     let t = if length > 0.0 { ((p.0 - a.0) * dx + (p.1 - a.1) * dy) / length } else { 0.0 };
     let t = t.clamp(0.0, 1.0);
-    (a.0 + t * dx - p.0).hypot(a.1 + t * dy - p.1)
+    let (x, y) = (a.0 + t * dx - p.0, a.1 + t * dy - p.1);
+    x * x + y * y
+}
+
+/// The [`fixed`] alpha that covers a pixel.
+const OPAQUE: i32 = 1 << 16;
+
+/// Returns an alpha in whole numbers.
+fn fixed(alpha: f64) -> i32 {
+    (f64::from(OPAQUE) * alpha.clamp(0.0, 1.0) + 0.5) as i32
 }
 
 #[cfg(test)]
@@ -229,6 +276,30 @@ mod tests {
         near(ink(|d| d.ring((30.3, 20.7), 12.0, 3.0, white, 1.0)), std::f64::consts::TAU * 12.0 * 3.0);
         near(ink(|d| d.line(&[(10.0, 10.0), (50.0, 40.0)], 4.0, white, 1.0)), 50.0 * 4.0 + std::f64::consts::PI * 4.0);
         near(ink(|d| d.fill(3.0, 7.0, 20.0, 10.0, white, 0.5)), 100.0);
+    }
+
+    /// 200 polygons, seed 3, of which some reach beyond the page.
+    #[test]
+    fn lines_cover_pixels_by_their_distance() {
+        let mut x = 3u32;
+        let mut next = |n: f64| {
+            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(x >> 8) / f64::from(1 << 24) * n
+        };
+        for n in 0..200 {
+            let points: Vec<Point> = (0..1 + n % 4).map(|_| (next(50.0) - 5.0, next(36.0) - 5.0)).collect();
+            let thick = 0.5 + next(6.0);
+            let mut page = Drawing::new(40, 26, [0; 3]);
+            page.line(&points, thick, [255; 3], 1.0);
+            let last = points.len() - 1;
+            for (at, value) in page.image().plane(0).iter().enumerate() {
+                let pixel = ((at % 40) as f64, (at / 40) as f64);
+                let segments = (0..last.max(1)).map(|i| to_segment(pixel, points[i], points[(i + 1).min(last)]));
+                let distance = segments.fold(f64::INFINITY, f64::min).sqrt();
+                let want = 255.0 * (0.5 + thick / 2.0 - distance).clamp(0.0, 1.0);
+                assert!((f64::from(*value) - want).abs() < 0.51, "{points:?} {thick} {pixel:?}: {value} for {want}");
+            }
+        }
     }
 
     #[test]

@@ -29,16 +29,19 @@ pub(super) fn resized(image: &Image, width: usize, height: usize) -> Image {
 pub fn shrunk(image: &Image, width: usize, height: usize) -> Image {
     let mut data = Vec::with_capacity(width * height * image.planes());
     let span = |i: usize, old: usize, new: usize| i * old / new..((i + 1) * old / new).max(i * old / new + 1);
+    let columns: Vec<_> = (0..width).map(|x| span(x, image.width(), width)).collect();
+    let mut sums = vec![0u32; image.width()];
     for plane in (0..image.planes()).map(|p| image.plane(p)) {
         for y in 0..height {
             let rows = span(y, image.height(), height);
-            for x in 0..width {
-                let columns = span(x, image.width(), width);
-                let line = |row: usize| &plane[row * image.width()..][columns.clone()];
-                let sum: u32 = rows.clone().flat_map(line).map(|&v| u32::from(v)).sum();
-                let count = (rows.len() * columns.len()) as u32;
-                data.push(((sum + count / 2) / count) as u8);
+            sums.fill(0);
+            for row in plane[rows.start * image.width()..rows.end * image.width()].chunks_exact(image.width()) {
+                sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += u32::from(*value));
             }
+            data.extend(columns.iter().map(|columns| {
+                let count = (rows.len() * columns.len()) as u32;
+                ((sums[columns.clone()].iter().sum::<u32>() + count / 2) / count) as u8
+            }));
         }
     }
     Image::new(width, height, image.planes(), data).expect("as many bytes as pixels")
