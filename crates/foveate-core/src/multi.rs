@@ -230,14 +230,13 @@ impl MultiTracker {
             return Err(Error::Stopped);
         }
         let id = id.unwrap_or(self.next_id);
-        match self.active.binary_search_by_key(&id, |t| t.track.id) {
-            Ok(at) => {
-                let born = self.active[at].track.born;
-                self.active[at].with_buffers(&self.pool, |target| target.ensemble.init(image, bbox))?;
-                self.active[at].begin(born, bbox, Phase::Initiated);
-            }
-            Err(_) => _ = self.start(image, id, bbox)?,
+        let known = self.active.binary_search_by_key(&id, |t| t.track.id);
+        let born = known.map_or(self.frame, |at| self.active[at].track.born);
+        if known.is_err() {
+            self.place(image, id, bbox)?;
         }
+        let at = self.active.partition_point(|t| t.track.id < id);
+        self.active[at].start(image, born, bbox, &self.pool);
         self.publish();
         Ok(id)
     }

@@ -80,26 +80,37 @@ impl MultiTracker {
         let fits = |b: &BBox| b.w >= s.side && b.h >= s.side && b.w * b.h <= s.most * width * height;
         left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score).unwrap_or(unknown));
         super::pairs::retain_both(&mut left, &mut numbers, |_, d| fits(&d.bbox) && !self.is_taken(d));
+        let mut started = vec![];
         for (born, newest) in self.tentative.grow(self.frame, &left, size, &self.settings) {
             let (bbox, number) = (born.bbox, numbers[newest]);
             if crate::start::check(image, &bbox).is_err() || self.is_taken(&born) {
                 continue;
             }
+            let index = Some(number).filter(|k| *k < own);
             match self.reidentify(image, &bbox) {
                 Some(mut target) => {
                     target.ensemble.reset_at(&bbox);
                     let first = target.track.born;
                     target.begin(first, bbox, Phase::ReIdentified);
-                    target.set_detection(Some(given[number]), Some(number).filter(|k| *k < own));
+                    target.set_detection(Some(given[number]), index);
                     self.admit(target);
                 }
                 // The box was checked above: only memory or ids can run out.
-                None => match self.start(image, self.next_id, bbox) {
-                    Ok(target) => target.set_detection(Some(given[number]), Some(number).filter(|k| *k < own)),
+                None => match self.place(image, self.next_id, bbox) {
+                    Ok(id) => started.push((id, bbox, number, index)),
                     Err(_) => self.full = true,
                 },
             }
         }
+        // Ids rise.
+        let (pool, frame) = (&self.pool, self.frame);
+        crate::threads::each(&mut self.active, |_, target| {
+            if let Ok(at) = started.binary_search_by_key(&target.track.id, |(id, ..)| *id) {
+                let (_, bbox, number, index) = started[at];
+                target.start(image, frame, bbox, pool);
+                target.set_detection(Some(given[number]), index);
+            }
+        });
         (self.work.detections, self.work.numbers) = (left, numbers);
     }
 
@@ -132,23 +143,23 @@ impl MultiTracker {
         best.1.map(|i| self.terminated.remove(i))
     }
 
-    pub(super) fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<&mut Target> {
+    /// Adds a target with a box that [`crate::start::check`] accepts, but does not start it. Returns its id.
+    pub(super) fn place(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<u64> {
         if id >= MOST_ID {
             return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
         }
         self.check_room(1, &bbox, image.size())?;
         let mut target = Target::new((self.make)(id), Target::unknown(id));
-        target.with_buffers(&self.pool, |target| target.ensemble.init(image, bbox))?;
-        target.begin(self.frame, bbox, Phase::Initiated);
+        target.track.bbox = bbox;
         self.next_id = self.next_id.max(id + 1);
         self.terminated.retain(|t| t.track.id != id);
-        Ok(self.admit(target))
+        self.admit(target);
+        Ok(id)
     }
 
-    fn admit(&mut self, target: Target) -> &mut Target {
+    fn admit(&mut self, target: Target) {
         let at = self.active.partition_point(|t| t.track.id < target.track.id);
         self.active.insert(at, target);
-        &mut self.active[at]
     }
 }
 

@@ -100,7 +100,13 @@ impl Target {
         BBox::around(x, y, b.w * wider, b.h / wider)
     }
 
-    /// Starts the target at a box that was given or detected.
+    /// Starts its trackers in a box that [`crate::start::check`] accepts.
+    pub(super) fn start(&mut self, image: &Image, born: usize, bbox: BBox, pool: &BufferPool) {
+        self.with_buffers(pool, |target| target.ensemble.init(image, bbox)).expect("the box was checked");
+        self.begin(born, bbox, Phase::Initiated);
+    }
+
+    /// Puts the target at a box that was given or detected.
     pub(super) fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
         let extent = self.ensemble.first().extent().expect("it was started");
         let state = self.ensemble.first().state_at(&bbox);
