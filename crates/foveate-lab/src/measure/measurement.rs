@@ -1,17 +1,13 @@
 //! A measurement: smoothed motion in units, and fits.
 
-use std::str::FromStr;
-
 use foveate_base::{Error, Result};
-use serde::Serialize;
 
 use super::ask::{self, Ask};
-use super::fit::{CHANCE, Fitted, Point, fit, student};
 use super::lens::Lens;
-use super::models::Curve;
+use super::requested::{Fit, FitRequest, Fitting};
 use super::smooth::{Sample, Smoothed, Smoothing, median, smooth};
 use super::track::{Position, Track};
-use super::units::{Axes, Clock, unit, with_digits, with_error};
+use super::units::{Axes, Clock};
 
 /// The smallest standard deviation of a position, pixels.
 const FINEST: f64 = 1e-3;
@@ -20,52 +16,6 @@ const FINEST: f64 = 1e-3;
 /// motion, or is constant, so that no smoothing removes it; it enters the error of the position alone. In 50 simulated films of balls
 /// (`bench/measure.py`) it makes the 50, 90 and 95 % bands hold the truth in about that share of the frames.
 const PERSISTENT: f64 = 0.28;
-
-/// A requested fit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FitRequest {
-    /// The curve.
-    pub curve: Curve,
-    /// The coordinate: 0 for x, 1 for y.
-    pub axis: usize,
-    /// First and last time, seconds; `None` for all.
-    pub range: Option<(f64, f64)>,
-}
-
-impl FitRequest {
-    /// Returns the request as on the command line.
-    pub fn name(&self) -> String {
-        let range = self.range.map_or(String::new(), |(from, to)| format!(":{from}-{to}"));
-        format!("{}:{}{range}", self.curve.name(), AXES[self.axis])
-    }
-}
-
-impl FromStr for FitRequest {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let numbers = |range: &str| {
-            let (from, to) = range.split_once('-')?;
-            let number = |n: &str| n.trim().parse().ok().filter(|n: &f64| n.is_finite());
-            number(from).zip(number(to)).filter(|(from, to)| from < to)
-        };
-        let parsed = || {
-            let mut parts = text.split(':');
-            let (name, axis, range) = (parts.next()?, parts.next()?, parts.next());
-            let (_, curve) = *Curve::ALL.iter().find(|(known, _)| *known == name)?;
-            let axis = AXES.iter().position(|known| *known == axis)?;
-            let range = range.map(|range| numbers(range).ok_or(())).transpose().ok()?;
-            parts.next().is_none().then_some(Self { curve, axis, range })
-        };
-        let known = Curve::ALL.map(|(name, _)| name).join(", ");
-        parsed().ok_or_else(|| {
-            format!("expected CURVE:x or CURVE:y, with :FROM-TO for a range; the curves are {known}; got \"{text}\"")
-        })
-    }
-}
-
-/// The names of the coordinates.
-pub const AXES: [&str; 2] = ["x", "y"];
 
 /// Units, axes, clock and fits of a measurement.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -97,58 +47,6 @@ pub struct Row {
     pub p_lost: f64,
     /// Track status.
     pub status: String,
-}
-
-/// A parameter with its standard error.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Value {
-    /// Its name in the formula.
-    pub name: String,
-    /// Its value.
-    pub value: f64,
-    /// Its standard error, with those of scale and clock.
-    pub error: f64,
-    /// The 95 % interval.
-    pub interval: [f64; 2],
-    /// Its unit.
-    pub unit: String,
-}
-
-/// The result of a fit.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Fit {
-    /// The name of the point.
-    pub point: String,
-    /// The request as on the command line.
-    pub fit: String,
-    /// The formula.
-    pub formula: &'static str,
-    /// The time at which t of the formula is 0, seconds.
-    pub t0: f64,
-    /// The parameters, then the quantities derived from them.
-    pub values: Vec<Value>,
-    /// Number of points.
-    pub points: usize,
-    /// Root mean square of the residuals.
-    pub rms: f64,
-    /// Unit of the residuals.
-    pub unit: &'static str,
-    /// The correlation of the residuals from one frame to the next.
-    pub correlation: f64,
-    /// The coordinate, 0 or 1, and the curve.
-    #[serde(skip)]
-    pub curve: (usize, Curve),
-    /// Times, data and residuals of the points.
-    #[serde(skip)]
-    pub data: Vec<(f64, f64, f64)>,
-}
-
-impl Fit {
-    /// Returns the value of the curve at a time.
-    pub fn at(&self, time: f64) -> f64 {
-        let values: Vec<f64> = self.values.iter().map(|value| value.value).collect();
-        self.curve.1.at(&values, time - self.t0)
-    }
 }
 
 /// The measurement of a point.
@@ -285,32 +183,8 @@ fn measure_point(
     };
     let rows: Vec<Row> = frames.iter().enumerate().map(row).collect();
     let relative = [axes.error(), settings.clock.map_or(0.0, |clock| clock.error / clock.rate)];
-    let (mut fits, mut fit_notes) = (vec![], vec![]);
-    for request in &settings.fits {
-        let inside = |t: f64| request.range.is_none_or(|(from, to)| (from..=to).contains(&t));
-        let (samples, smoothing) = (&samples[request.axis], &smoothing[request.axis]);
-        let of = samples.iter().zip(&smoothing.inflation).filter(|(sample, _)| inside(sample.time));
-        let points: Vec<Point> =
-            of.filter_map(|(s, factor)| s.measured.map(|(y, variance)| (s.time, y, factor * variance))).collect();
-        match fit(request.curve, &points) {
-            Ok(fitted) => {
-                if let Some(chance) = fitted.by_chance.filter(|chance| *chance >= CHANCE) {
-                    fit_notes.push(format!(
-                        "No oscillation {}: errors about a constant fit as well with a probability of up to {chance:.2}.",
-                        request.name()
-                    ));
-                }
-                if let Some((tau, simpler)) = undamped(request.curve, &fitted) {
-                    fit_notes.push(format!(
-                        "No decay {}: the 95 % interval of tau ({tau:.3} s) has no upper end. Fit {simpler}.",
-                        request.name()
-                    ));
-                }
-                fits.push(result(name, request, &points, &fitted, (axes.unit(), relative)));
-            }
-            Err(problem) => fit_notes.push(format!("No fit {}: {problem}.", request.name())),
-        }
-    }
+    let fitting = Fitting { point: name, length: axes.unit(), relative };
+    let (fits, fit_notes) = fitting.fits(&settings.fits, &samples, &smoothing);
     let leaps = |k: &usize| smoothing.iter().any(|smoothing| smoothing.inflation[*k] > 1.0);
     let leaps: Vec<usize> = (0..frames.len()).filter(leaps).map(|k| first + k).collect();
     let ask = ask::ask(track, &leaps);
@@ -326,77 +200,9 @@ fn usual(track: &[Position]) -> [f64; 3] {
     [known(0), 0.0, known(2)]
 }
 
-/// Returns the time constant of a curve whose points are compatible with an infinite one, by the interval of 1 / tau, and the curve without.
-fn undamped(curve: Curve, fitted: &Fitted) -> Option<(f64, &'static str)> {
-    let simpler = match curve {
-        Curve::Drag => Curve::Parabola,
-        Curve::Damped => Curve::Sine,
-        Curve::Exponential => Curve::Line,
-        Curve::Line | Curve::Parabola | Curve::Sine => return None,
-    };
-    let k = curve.parameters().iter().position(|(name, ..)| *name == "tau")?;
-    let (tau, error) = (fitted.values[k], fitted.covariance[k][k].sqrt());
-    (student(fitted.freedom) * error >= tau.abs()).then_some((tau, simpler.name()))
-}
-
-fn result(
-    point: &str,
-    request: &FitRequest,
-    points: &[Point],
-    fitted: &Fitted,
-    (length, relative): (&'static str, [f64; 2]),
-) -> Fit {
-    let (curve, quantile) = (request.curve, student(fitted.freedom));
-    // Standard error and 95 % half width: the data have a t distribution, scale and clock a normal one.
-    let value = |name: &str, value: f64, variance: f64, exponents: (i32, i32)| {
-        let common = (value * f64::from(exponents.0) * relative[0]).hypot(value * f64::from(exponents.1) * relative[1]);
-        let half = (quantile * variance.sqrt()).hypot(1.96 * common);
-        let error = variance.sqrt().hypot(common);
-        Value { name: name.into(), value, error, interval: [value - half, value + half], unit: unit(length, exponents) }
-    };
-    let (p, c) = (&fitted.values, &fitted.covariance);
-    let of = |(i, (name, length, time)): (usize, &(&str, i32, i32))| value(name, p[i], c[i][i], (*length, *time));
-    let mut values: Vec<Value> = curve.parameters().iter().enumerate().map(of).collect();
-    match (curve, request.axis) {
-        (Curve::Parabola, 1) => values.push(value("g", -p[2], c[2][2], (1, -2))),
-        // The acceleration at rest is v_end / tau.
-        (Curve::Drag, 1) => {
-            let slope = [1.0 / p[3], -p[2] / (p[3] * p[3])];
-            let both = 2.0 * slope[0] * slope[1] * c[2][3];
-            let variance = slope[0] * slope[0] * c[2][2] + slope[1] * slope[1] * c[3][3] + both;
-            values.push(value("g", -p[2] / p[3], variance, (1, -2)));
-        }
-        _ => {}
-    }
-    let data: Vec<_> = points.iter().zip(&fitted.residuals).map(|(p, r)| (p.0, p.1, *r)).collect();
-    let rms = (fitted.residuals.iter().map(|r| r * r).sum::<f64>() / points.len() as f64).sqrt();
-    Fit {
-        point: point.to_owned(),
-        fit: request.name(),
-        formula: curve.formula(),
-        t0: fitted.t0,
-        values,
-        points: points.len(),
-        rms,
-        unit: length,
-        correlation: fitted.correlation,
-        curve: (request.axis, curve),
-        data,
-    }
-}
-
-impl Value {
-    /// Returns the value with its standard error, unit and 95 % interval.
-    pub fn text(&self) -> String {
-        let [low, high] = self.interval;
-        let Self { name, value, error, unit, .. } = self;
-        let (value, rounded) = (with_error(*value, *error), |end| with_digits(end, *error));
-        format!("{name} = {value} {unit} (95 %: {} to {})", rounded(low), rounded(high))
-    }
-}
-
 #[cfg(test)]
 pub(super) mod tests {
+    use super::super::models::Curve;
     use super::super::units::Ruler;
     use super::*;
     use foveate_base::rng::Streams;
@@ -460,19 +266,6 @@ pub(super) mod tests {
             assert!(g.error > 0.017 && g.error < 0.03, "{g:?}");
             assert!((measured.rows[20].smoothed[1].value[2] + 9.81).abs() < 0.5);
             assert!(measured.rows[12].measured.is_none());
-        }
-    }
-
-    /// A fall without drag has no time constant, a fall in syrup has one.
-    #[test]
-    fn a_fall_without_drag_has_no_time_constant() {
-        for (tau, simpler) in [(1e6, Some("parabola")), (0.2, None)] {
-            let point = |k: u32| {
-                let (t, error) = (f64::from(k) / 30.0, 0.003 * f64::from(k * 7919 % 13) - 0.018);
-                (t, Curve::Drag.at(&[1.0, 0.0, -9.81 * tau, tau], t) + error, 1e-4)
-            };
-            let fitted = fit(Curve::Drag, &(0..30).map(point).collect::<Vec<_>>()).expect("enough points");
-            assert_eq!(undamped(Curve::Drag, &fitted).map(|found| found.1), simpler, "{fitted:?}");
         }
     }
 
@@ -541,16 +334,6 @@ pub(super) mod tests {
         let still: Vec<Position> = falling(0.0).into_iter().map(|p| Position { centre: (5.0, 5.0), ..p }).collect();
         let measured = measured(&still, None, &settings()).expect("a measurement");
         assert!(measured.fits[0].values.iter().all(|value| value.text().len() < 40), "{:?}", measured.text());
-    }
-
-    #[test]
-    fn requests_are_read_or_refused() {
-        for text in ["parabola:y:0.1-0.45", "sine:x"] {
-            assert_eq!(text.parse::<FitRequest>().map(|fit| fit.name()), Ok(text.to_owned()));
-        }
-        for wrong in ["cubic:y", "line", "line:z", "line:x:2-1", "line:x:1-2:3"] {
-            assert!(wrong.parse::<FitRequest>().is_err_and(|problem| problem.contains("parabola")), "{wrong}");
-        }
     }
 
     /// The errors of a thing at rest are no oscillation; a fit that is better than a constant has no such note.

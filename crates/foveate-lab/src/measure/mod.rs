@@ -22,6 +22,7 @@ mod observer;
 mod options;
 #[cfg(feature = "eval")]
 mod page;
+mod requested;
 mod smooth;
 mod tables;
 mod track;
@@ -31,11 +32,12 @@ mod units;
 pub use ask::Ask;
 pub use fit::{Fitted, Point, fit, student};
 pub use lens::Lens;
-pub use measurement::{AXES, Fit, FitRequest, Measurement, Row, Settings, Value, measure};
+pub use measurement::{Measurement, Row, Settings, measure};
 pub use models::{Curve, Parameter};
 #[cfg(feature = "eval")]
 pub use observer::{FILES, Follower, Lines, MeasureFiles, write};
 pub use options::{parse_angle, parse_point, read_clock};
+pub use requested::{AXES, Fit, FitRequest, Value};
 pub use smooth::{FAR, FEWEST, Sample, Smoothed, Smoothing, smooth};
 pub use tables::{tables, text};
 pub use track::{Position, Track, parse, read};

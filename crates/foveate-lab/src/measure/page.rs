@@ -3,7 +3,8 @@
 use foveate_report::chart::{Axis, Chart, Mark, render};
 use foveate_report::{card, document, drawing, escape};
 
-use super::measurement::{AXES, Fit, Measurement, Row};
+use super::measurement::{Measurement, Row};
+use super::requested::{AXES, Fit, Value};
 use super::units::unit;
 
 /// The colours of x and y, and of curves.
@@ -64,7 +65,7 @@ fn scrolled(svg: &str, label: &str) -> String {
 }
 
 fn table(fit: &Fit) -> String {
-    let row = |value: &super::measurement::Value| {
+    let row = |value: &Value| {
         let text = value.text();
         let (name, rest) = text.split_once(" = ").expect("a value has a name");
         format!("<tr><td class=\"words\">{}</td><td class=\"words\">{}</td></tr>\n", escape(name), escape(rest))
@@ -119,9 +120,10 @@ fn chart(marks: Vec<Mark>, title: &str, y_label: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::measurement::Settings;
     use super::super::measurement::tests::{falling, measured};
-    use super::super::measurement::{FitRequest, Settings};
     use super::super::models::Curve;
+    use super::super::requested::FitRequest;
     use super::*;
 
     #[test]

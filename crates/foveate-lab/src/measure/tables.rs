@@ -6,7 +6,8 @@ use std::path::Path;
 use foveate_report::quoted;
 
 use super::ask;
-use super::measurement::{AXES, Fit, Measurement};
+use super::measurement::Measurement;
+use super::requested::{AXES, Fit};
 use super::smooth::{Smoothed, median};
 use super::trk::trk;
 use super::units::unit;
