@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use foveate::config::Blueprint;
 use foveate::report::run::check_box;
 use foveate::text::counted;
+use foveate::video::annotation::ABSENCE;
 use foveate::video::mot::TrackBox;
 use foveate::video::{Options, SourceInfo, open_with};
 use foveate::{BBox, Error, Result, files};
@@ -79,7 +80,8 @@ struct Target {
 pub(crate) fn run(args: Args) -> Result<()> {
     let options = args.decoder.options();
     let about = open_with(&args.source, &options)?.info().clone();
-    let boxes = Boxes::read_of_size(args.format, &args.keyframes, Some(about.size()))?;
+    let mut boxes = Boxes::read_of_size(args.format, &args.keyframes, Some(about.size()))?;
+    boxes.take_notes().iter().for_each(|lost| note!("foveate: {}: {lost}", args.keyframes.display()));
     let (blueprint, seed) = args.choice.blueprint()?;
     if blueprint.config().multi_target.is_some() {
         return Err(Error::Config(format!(
@@ -90,20 +92,35 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let keys = boxes.key_frames();
     let frames = frames(&args, &options, &about, &keys)?;
     let targets = targets(&args.keyframes, keys, frames, &about)?;
-    let file = file_name(args.to.unwrap_or(args.format));
+    let format = args.to.unwrap_or(args.format);
+    if let (true, [_, _, ..]) = (format.is_of_one(), &targets[..]) {
+        let ids: Vec<String> = targets.iter().take(20).map(|target| target.id.to_string()).collect();
+        let (n, ids) = (targets.len(), ids.join(", "));
+        return Err(Error::malformed(
+            &args.keyframes,
+            format!(
+                "it has {n} targets ({ids}), and the format of the result holds one; give --to a format of several, such as mot"
+            ),
+        ));
+    }
+    let file = file_name(format);
+    let mut files = vec![file, CHECKS, PAGE];
+    if format == Format::Got10k {
+        files.push(ABSENCE);
+    }
     let inputs: Vec<&Path> = [&args.source, &args.keyframes]
         .map(PathBuf::as_path)
         .into_iter()
         .chain(args.choice.config.as_deref().map(Path::new))
         .collect();
-    let results = Results::begin(&args.out, &[file, CHECKS, PAGE], &inputs)?;
+    let results = Results::begin(&args.out, &files, &inputs)?;
     terminal::catch_interrupts();
     let spans = track(&args, &options, &about, (&blueprint, seed), &targets)?;
     let checks = check_first(&spans, LISTED);
     let names = names(&boxes, &targets);
     let needed = needed(&spans, &checks, GOOD[0], GOOD[1]);
     let verdict = verdict(&spans, &checks, needed);
-    let tracks = tracks(&spans, &targets);
+    let tracks = tracks(&spans, &targets, format);
     let left_out = spans.iter().map(|span| span.boxes.len()).sum::<usize>() - tracks.len();
     let first = needed.unwrap_or(checks.len()).min(PICTURES);
     let shown = pictures(&args, &options, &checks[..first], &spans)?;
@@ -232,7 +249,7 @@ fn track(
 }
 
 /// The boxes that are probably right; those of key frames unchanged, others to a thousandth of a pixel.
-fn tracks(spans: &[Span], targets: &[Target]) -> Vec<TrackBox> {
+fn tracks(spans: &[Span], targets: &[Target], format: Format) -> Vec<TrackBox> {
     let rounded = |value: f64| (value * 1e3).round() / 1e3;
     let mut tracks = vec![];
     for span in spans {
@@ -243,7 +260,8 @@ fn tracks(spans: &[Span], targets: &[Target]) -> Vec<TrackBox> {
                 Some(_) => joined.bbox,
                 None => BBox::new(rounded(x), rounded(y), rounded(w), rounded(h)),
             };
-            tracks.push(TrackBox { frame, id: target.id, bbox, confidence: rounded(joined.iou) });
+            let confidence = if format.has_confidence() { rounded(joined.iou) } else { 1.0 };
+            tracks.push(TrackBox { frame, id: target.id, bbox, confidence });
         }
     }
     tracks

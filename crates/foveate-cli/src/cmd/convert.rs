@@ -18,7 +18,7 @@ use foveate::geometry::Size;
 use foveate::text::counted;
 use foveate::video::SourceInfo;
 use foveate::video::mot::{TrackBox, Tracks};
-use foveate::{BBox, Error, Result, memory};
+use foveate::{BBox, Error, Result, files, memory};
 
 use super::results::spare;
 use super::track::source::parse_size;
@@ -59,6 +59,16 @@ pub enum Format {
 }
 
 impl Format {
+    /// Returns whether files hold a single target.
+    pub(crate) fn is_of_one(self) -> bool {
+        matches!(self, Self::Otb | Self::Vot | Self::Got10k | Self::Napari)
+    }
+
+    /// Returns whether files hold confidences.
+    pub(crate) fn has_confidence(self) -> bool {
+        matches!(self, Self::Mot | Self::Coco | Self::Viame | Self::Trackmate)
+    }
+
     /// Returns the format with this command-line name.
     pub fn named(name: &str) -> Option<Self> {
         Self::from_str(name, false).ok()
@@ -105,6 +115,8 @@ pub struct Boxes {
     labels: BTreeMap<i64, String>,
     /// The boxes that a person set, by target; empty if the format does not mark them.
     keys: BTreeMap<i64, KeyFrames>,
+    /// Number of boxes between key frames that the file does not state, by target.
+    filled: BTreeMap<i64, usize>,
     /// The boxes, by frame and target, of which a part is hidden, as far as the file has it.
     occluded: BTreeSet<(usize, i64)>,
     /// Size of the pictures, which Label Studio's format needs.
@@ -173,8 +185,14 @@ impl Boxes {
     /// # Errors
     /// The format cannot hold these boxes, or the file cannot be written.
     pub fn write(mut self, format: Format, path: &Path) -> Result<Vec<String>> {
+        self.lose_filled();
         write(format, &mut self, path)?;
         Ok(self.lost)
+    }
+
+    /// Takes the notes on the file that was read: one sentence for each kind of information that is left out.
+    pub(crate) fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.lost)
     }
 
     /// Returns the boxes that a person set, by target: all boxes if the format does not mark them.
@@ -197,8 +215,8 @@ impl Boxes {
     }
 
     /// Adds the boxes of a target: each holds, or moves linearly, up to the next one, and the last one holds up to the end of the video, as
-    /// in CVAT and Label Studio. Returns the number of boxes that the file does not state.
-    fn fill(&mut self, path: &Path, id: i64, shapes: &KeyFrames) -> Result<usize> {
+    /// in CVAT and Label Studio.
+    fn fill(&mut self, path: &Path, id: i64, shapes: &KeyFrames) -> Result<()> {
         let end = match shapes.iter().next_back() {
             Some((last, Some(_))) => self.frames.max(last + 1),
             Some((last, None)) => last + 1,
@@ -219,7 +237,8 @@ impl Boxes {
                 TrackBox { frame, id, bbox, confidence: 1.0 }
             }));
         }
-        Ok(filled)
+        *self.filled.entry(id).or_default() += filled;
+        Ok(())
     }
 
     /// Refuses boxes without an id, for a format of tracks.
@@ -247,6 +266,11 @@ impl Boxes {
             }
             "object".into()
         })
+    }
+
+    /// Records boxes that the file does not state.
+    fn lose_filled(&mut self) {
+        self.lose(self.filled.values().sum(), "boxes between key frames are interpolated");
     }
 
     /// Records labels, which the output format does not hold.
@@ -296,10 +320,13 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let mut boxes = Boxes::read_of_size(args.from, &args.input, args.size)?;
     if let Some(id) = args.id {
         boxes.tracks.retain(|b| b.id == id);
+        boxes.labels.retain(|of, _| *of == id);
+        boxes.filled.retain(|of, _| *of == id);
         if boxes.tracks.is_empty() {
             return Err(Error::malformed(&args.input, format!("it has no box of --id {id}")));
         }
     }
+    boxes.lose_filled();
     let all = boxes.tracks.len();
     boxes.tracks.retain(|b| b.bbox.check().is_ok());
     boxes.lose(all - boxes.tracks.len(), "boxes without area are left out");
@@ -330,8 +357,18 @@ fn read(format: Format, path: &Path, size: Option<Size>) -> Result<Boxes> {
     match format {
         Format::Otb | Format::Vot | Format::Got10k => single::read(format, path),
         Format::Mot => {
-            let tracks = Tracks::read(path)?;
-            Ok(Boxes { frames: tracks.frames(), tracks: tracks.sightings, ..Boxes::default() })
+            let text = files::read_text(path, files::TEXT)?;
+            let tracks = Tracks::parse(&text, path)?;
+            let mut boxes = Boxes { frames: tracks.frames(), tracks: tracks.sightings, ..Boxes::default() };
+            // Class and visibility, or a place in the world, after the confidence; -1 where there is none.
+            let is_known = |word: &str| word.trim().parse() != Ok(-1.0);
+            let known =
+                |line: &&str| line.split([',', ';', '\t', ' ']).filter(|word| !word.is_empty()).skip(7).any(is_known);
+            boxes.lose(
+                text.lines().filter(known).count(),
+                "boxes have a class, a visibility or a place; it is left out",
+            );
+            Ok(boxes)
         }
         Format::Coco => coco::read(path),
         Format::Cvat => cvat::read(path),

@@ -146,6 +146,7 @@ fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
     std::fs::write(place.path("late.txt"), "101,1,1,1,9,9,1,-1,-1,-1\n").expect("a writable folder");
     std::fs::write(place.path("far.txt"), "1,1,9999,9999,9,9,1,-1,-1,-1\n").expect("a writable folder");
     std::fs::write(place.path("found.txt"), "1,-1,1,1,9,9,1,-1,-1,-1\n").expect("a writable folder");
+    std::fs::write(place.path("two.txt"), "1,1,1,1,9,9,1\n1,2,1,1,9,9,1\n").expect("a writable folder");
     std::fs::write(place.path("twice.txt"), "5,3,1,1,9,9,1\n5,3,2,2,9,9,1\n").expect("a writable folder");
     for (keys, format, problem) in [
         ("none.txt", "otb", "expected at least one key frame"),
@@ -153,11 +154,55 @@ fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
         ("far.txt", "mot", "the box of target 1 in frame 1"),
         ("found.txt", "mot", "annotate needs tracks, not detections"),
         ("twice.txt", "mot", "frame 5 has two boxes of the target 3; expected one"),
+        ("two.txt --to otb", "mot", "it has 2 targets (1, 2), and the format of the result holds one"),
         ("nowhere.txt", "otb", "nowhere.txt"),
     ] {
-        let run = place.run(&["annotate", "scene", "--keyframes", keys, "--format", format, "--out", "out"]);
+        let keys: Vec<&str> = keys.split(' ').collect();
+        let run = [&["annotate", "scene", "--format", format, "--out", "out", "--keyframes"], &keys[..]].concat();
+        let (run, keys) = (place.run(&run), keys[0]);
         let errors = errors(&run);
         assert!(!run.status.success() && errors.contains(problem) && !errors.contains("panicked"), "{keys}: {errors}");
         assert!(!place.path("out").exists(), "{keys}");
     }
+}
+
+/// Key frames stay in their frames, notes on their file are shown, and the labels of GOT-10k are a result like the boxes.
+#[test]
+fn results_are_those_of_the_key_frames() {
+    let (place, truth) = scene();
+    let annotation = |id: usize, t: usize| {
+        let BBox { x, y, w, h } = truth[t];
+        format!("{{\"image_id\":{id},\"track_id\":1,\"bbox\":[{x},{y},{w},{h}],\"segmentation\":[[1,2]]}}")
+    };
+    let coco = |frames: [usize; 2]| {
+        let images = frames.map(|frame| format!("{{\"id\":{},\"frame_id\":{frame}}}", frame + 7)).join(",");
+        let boxes = frames.map(|frame| annotation(frame + 7, frame)).join(",");
+        format!("{{\"images\":[{images}],\"annotations\":[{boxes}]}}")
+    };
+    std::fs::write(place.path("keys.json"), coco([0, 60])).expect("a writable folder");
+    let args = ["annotate", "scene", "--config", "digits", "--out", "out", "--to", "got10k", "--format"];
+    let annotated = |more: &[&str]| {
+        let run = place.run(&[&args[..], more].concat());
+        assert!(run.status.success(), "{}", errors(&run));
+        errors(&run)
+    };
+    let notes = annotated(&["coco", "--keyframes", "keys.json"]);
+    assert!(notes.contains("keys.json: 2 segmentations are left out") && !notes.contains("confidence"), "{notes}");
+    let boxes = read_boxes(place.path("out/boxes.txt")).expect("boxes");
+    assert_eq!([0, 60].map(|t| boxes[t]), [0, 60].map(|t| Some(truth[t])));
+    let labels = || String::from_utf8(place.read("out/absence.label")).expect("text");
+    let before = labels();
+    let run = String::from_utf8(place.read("out/run.json")).expect("text");
+    assert!(before.lines().count() == FRAMES && run.contains("absence.label"), "{run}");
+    let task = format!(
+        "<annotations><track id=\"1\" label=\"a\"><box frame=\"0\" xtl=\"{x}\" ytl=\"{y}\" xbr=\"{r}\" ybr=\"{b}\"/>\
+         <box frame=\"40\" outside=\"1\" xtl=\"{x}\" ytl=\"{y}\" xbr=\"{r}\" ybr=\"{b}\"/></track></annotations>",
+        x = truth[0].x,
+        y = truth[0].y,
+        r = truth[0].x + truth[0].w,
+        b = truth[0].y + truth[0].h
+    );
+    std::fs::write(place.path("task.xml"), task).expect("a writable folder");
+    annotated(&["cvat", "--keyframes", "task.xml"]);
+    assert!(labels() != before && labels().ends_with("1\n"), "the labels are of the same run as the boxes");
 }

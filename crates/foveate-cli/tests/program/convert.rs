@@ -282,8 +282,38 @@ fn losses_of_a_conversion_are_reported() {
         "coco.json",
         r#"{"images":[{"id":9,"frame_id":3},{"id":4,"frame_id":9}],"annotations":[{"image_id":4,"bbox":[0,0,2,3]}]}"#,
     );
-    let lost = place.convert("coco.json", "coco", "a.txt", "mot", &[]);
-    assert!(lost.contains("5 frames between the first and the last have no image"), "{lost}");
+    place.convert("coco.json", "coco", "a.txt", "mot", &[]);
+    assert_eq!(place.read("a.txt"), "9,-1,1,1,2,3,1,-1,-1,-1\n", "the frame_id is the frame");
+    place.write("coco.json", &place.read("coco.json").replace("\"frame_id\":3", "\"frame_id\":0"));
+    place.convert("coco.json", "coco", "a.txt", "mot", &[]);
+    assert!(place.read("a.txt").starts_with("10,-1,"), "they count from 0 if one is 0");
+    place.write("mixed.csv", "1,,0,1,1,11,11,1,-1,cat,1\n1,,1,1,1,11,11,1,-1,dog,1\n");
+    let lost = place.convert("mixed.csv", "viame", "a.json", "coco", &[]);
+    assert!(lost.contains("1 boxes differ from the class of the first box"), "{lost}");
+    place.write("known.txt", "1,7,100,50,13,17,1,2,0.5\n2,7,100,50,13,17,1,-1,-1,-1\n");
+    let lost = place.convert("known.txt", "mot", "a.txt", "mot", &[]);
+    assert!(lost.contains("1 boxes have a class, a visibility or a place"), "{lost}");
+    place.write("sure.txt", "1,1,1,1,5,5,0.5,-1,-1,-1\n");
+    place.convert("sure.txt", "mot", "sure.csv", "trackmate", &[]);
+    assert_eq!(place.convert("sure.csv", "trackmate", "back.txt", "mot", &[]), "");
+    assert_eq!(place.read("back.txt"), place.read("sure.txt"), "the confidence is the quality");
+}
+
+/// What is said of the input holds for the target that is converted.
+#[test]
+fn notes_are_on_what_is_converted() {
+    let place = Place::new();
+    let track = |id: usize, label: &str, end: usize| {
+        let shape = |frame: usize, outside: u8| {
+            format!("<box frame=\"{frame}\" outside=\"{outside}\" xtl=\"0\" ytl=\"0\" xbr=\"9\" ybr=\"9\"/>")
+        };
+        format!("<track id=\"{id}\" label=\"{label}\">{}{}</track>", shape(0, 0), shape(end, 1))
+    };
+    place.write("two.xml", &format!("<annotations>{}{}</annotations>", track(0, "cat", 5), track(1, "dog", 3)));
+    let lost = place.convert("two.xml", "cvat", "a.txt", "otb", &["--id", "1"]);
+    assert!(lost.contains("2 boxes between key frames") && !lost.contains("label"), "{lost}");
+    place.convert("two.xml", "cvat", "a.txt", "got10k", &["--id", "1"]);
+    assert_eq!(place.convert("a.txt", "got10k", "b.txt", "otb", &[]), "", "it marks absent frames itself");
 }
 
 #[test]
@@ -342,6 +372,11 @@ fn damage_is_an_error_that_names_the_file() {
     place.write("absence.label", "0\n");
     assert!(place.failure("boxes.txt", "otb", "got10k").contains("absence.label: it labels other boxes"));
     assert_eq!(place.read("absence.label"), "0\n");
+    std::fs::create_dir(place.0.path().join("folder")).expect("a folder");
+    let run = place.run("boxes.txt", "otb", "folder", "got10k", &[]);
+    assert!(!run.status.success() && place.read("absence.label") == "0\n", "{run:?}");
+    place.write("in", r#"{"images":[{"id":1,"frame_id":-1}],"annotations":[]}"#);
+    assert!(place.failure("in", "coco", "mot").contains("image 1: expected a frame_id from 0 on, found -1"));
     place.write("in", r#"[{"annotations":[{"result":[]},{"result":[]}]}]"#);
     let two = place.run("in", "label-studio", "failed", "mot", &["--size", "64x48"]);
     assert!(String::from_utf8_lossy(&two.stderr).contains("it has 2 annotations; expected one"), "{two:?}");

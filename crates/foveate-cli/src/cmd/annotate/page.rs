@@ -93,7 +93,7 @@ pub(super) fn page(
     document(
         title,
         &escape(verdict),
-        "Correct these frames, add them to the key frames, and run the command again.",
+        "To correct frames, add them to the key frames, and run the command again.",
         &body,
     )
 }

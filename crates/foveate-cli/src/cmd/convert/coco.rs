@@ -97,7 +97,8 @@ impl<'de> Visitor<'de> for AnyValue {
 /// Bytes in memory for each of the text, at most: of an annotation with nothing but an image and a box.
 const PARSED: u64 = 8;
 
-/// Frames are the images ordered by `frame_id`, or by `id` if an image has no `frame_id`.
+/// A frame is the `frame_id` of its image; these count from 0, or from 1 if none is 0. If an image has no `frame_id`, the frames are the images
+/// in the order of their ids.
 pub(super) fn read(path: &Path) -> Result<Boxes> {
     let text = files::read_text(path, files::TEXT)?;
     memory::check(format_args!("{}: JSON of {} bytes", path.display(), text.len()), PARSED * text.len() as u64)?;
@@ -107,16 +108,22 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     let mut order: Vec<(i64, i64)> =
         file.images.iter().map(|i| (if ordered { i.frame_id.unwrap_or(0) } else { i.id }, i.id)).collect();
     order.sort_unstable();
-    let frames: BTreeMap<i64, usize> = order.iter().enumerate().map(|(frame, (_, id))| (*id, frame)).collect();
-    if frames.len() != order.len() {
-        return Err(Error::malformed(path, "two images have the same id"));
-    }
     let is_twice = |pair: &[(i64, i64)]| pair[0].0 == pair[1].0;
     if let Some(pair) = order.windows(2).find(|pair| is_twice(pair)) {
         return Err(Error::malformed(path, format!("two images have the frame_id {}; expected one video", pair[0].0)));
     }
+    let first = i64::from(order.iter().all(|(frame_id, _)| *frame_id != 0));
+    let mut frames: BTreeMap<i64, usize> = BTreeMap::new();
+    for (rank, (frame_id, id)) in order.iter().enumerate() {
+        let frame = if ordered { usize::try_from(*frame_id - first) } else { Ok(rank) };
+        let wrong = |_| Error::malformed(path, format!("image {id}: expected a frame_id from 0 on, found {frame_id}"));
+        if frames.insert(*id, frame.map_err(wrong)?).is_some() {
+            return Err(Error::malformed(path, "two images have the same id"));
+        }
+    }
+    let length = frames.values().max().map_or(0, |last| last.saturating_add(1));
     let names: BTreeMap<i64, &str> = file.categories.iter().map(|c| (c.id, c.name.as_str())).collect();
-    let (mut boxes, mut unnamed) = (Boxes { frames: frames.len(), ..Boxes::default() }, 0);
+    let (mut boxes, mut unnamed) = (Boxes { frames: length, ..Boxes::default() }, 0);
     for (i, a) in file.annotations.iter().enumerate() {
         let wrong = |what: String| Error::malformed(path, format!("annotation {}: {what}", i + 1));
         let frame = *frames.get(&a.image_id).ok_or_else(|| wrong(format!("there is no image {}", a.image_id)))?;
@@ -129,10 +136,8 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         }
         boxes.tracks.push(TrackBox { frame, id: a.track_id.unwrap_or(-1), bbox, confidence: a.score.unwrap_or(1.0) });
     }
-    if let (true, [first, .., last]) = (ordered, &order[..]) {
-        let absent = usize::try_from(last.0.abs_diff(first.0)).unwrap_or(usize::MAX) - (order.len() - 1);
-        boxes.lose(absent, "frames between the first and the last have no image; they are not counted");
-    }
+    let nameless = file.images.iter().filter(|image| image.frame_id.is_none()).count();
+    boxes.lose(nameless, "images have no frame_id; frames are the images in the order of their ids");
     let count = |such: &dyn Fn(&Annotation) -> bool| file.annotations.iter().filter(|a| such(a)).count();
     boxes.lose(count(&|a| a.track_id.is_none()), "boxes have no track_id: they are detections, of the id -1");
     boxes.lose(count(&|a| a.segmentation.0), "segmentations are left out");

@@ -51,7 +51,6 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         let side = |name: &str| size.children().find(|n| n.has_tag_name(name)).and_then(whole).filter(|side| *side > 0);
         Some(Size { width: side("width")?, height: side("height")? })
     });
-    let mut filled = 0;
     for track in root.children().filter(|n| n.has_tag_name("track")) {
         let id = number(&track, "id").map_err(wrong)? as i64;
         if let Some(label) = track.attribute("label") {
@@ -69,13 +68,12 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
             }
         }
         let before = boxes.tracks.len();
-        filled += boxes.fill(path, id, &shapes)?;
+        boxes.fill(path, id, &shapes)?;
         let hidden = |b: &&TrackBox| occluded.range(..=b.frame).next_back().is_some_and(|(_, hidden)| *hidden);
         boxes.occluded.extend(boxes.tracks[before..].iter().filter(hidden).map(|b| (b.frame, id)));
         boxes.keys.entry(id).or_default().extend(keys);
     }
     let count = |such: &dyn Fn(&Node<'_, '_>) -> bool| document.descendants().filter(|n| such(n)).count();
-    boxes.lose(filled, "boxes between key frames are interpolated");
     let turned = |n: &Node<'_, '_>| n.attribute("rotation").is_some_and(|r| r.parse() != Ok(0.0));
     boxes.lose(count(&|n| n.has_tag_name("box") && turned(n)), "boxes are rotated; they are taken upright");
     let shape = |n: &Node<'_, '_>| {

@@ -88,7 +88,7 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
     }
     let (tracks, other): (Vec<&Region>, Vec<&Region>) =
         drawn.iter().flat_map(|a| &a.result).partition(|region| region.kind == "videorectangle");
-    let (mut boxes, mut filled, mut turned) = (Boxes::default(), 0, 0);
+    let (mut boxes, mut turned) = (Boxes::default(), 0);
     for (id, region) in ids(&tracks).into_iter().zip(&tracks) {
         let mut keys = KeyFrames::new();
         for key in &region.value.sequence {
@@ -103,18 +103,17 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
             bbox.check().map_err(|e| wrong(&e.to_string()))?;
             turned += usize::from(key.rotation != 0.0);
             keys.insert(key.frame - 1, Some(bbox));
-            if !key.enabled && key.frame < region.value.frames_count {
+            if !key.enabled && (region.value.frames_count == 0 || key.frame < region.value.frames_count) {
                 keys.entry(key.frame).or_insert(None);
             }
         }
         boxes.frames = boxes.frames.max(region.value.frames_count.min(MOST));
-        filled += boxes.fill(path, id, &keys)?;
+        boxes.fill(path, id, &keys)?;
         if let Some(label) = region.value.labels.first() {
             boxes.labels.insert(id, label.clone());
         }
         boxes.keys.insert(id, keys);
     }
-    boxes.lose(filled, "boxes between key frames are interpolated");
     boxes.lose(turned, "boxes are rotated; they are taken upright");
     boxes.lose(other.len(), "other regions are left out");
     Ok(boxes)

@@ -25,12 +25,15 @@ pub(super) fn read(format: Format, path: &Path) -> Result<Boxes> {
         }
         _ => annotation::read_boxes(path)?,
     };
-    let empty = truth.iter_mut().filter(|b| b.is_some_and(|b| b.w <= 0.0 || b.h <= 0.0));
-    boxes.lose(empty.map(|b| *b = None).count(), "boxes without area are left out");
     if format == Format::Got10k {
-        let hidden = annotation::hide_absent(&mut truth, path.parent().unwrap_or(Path::new("")))?;
+        let is_filled = |b: &Option<BBox>| b.is_some_and(|b| b.w > 0.0 && b.h > 0.0);
+        let before = truth.iter().filter(|b| is_filled(b)).count();
+        annotation::hide_absent(&mut truth, path.parent().unwrap_or(Path::new("")))?;
+        let hidden = before - truth.iter().filter(|b| is_filled(b)).count();
         boxes.lose(hidden, "boxes are left out: labels beside them say absent");
     }
+    let empty = truth.iter_mut().filter(|b| b.is_some_and(|b| b.w <= 0.0 || b.h <= 0.0));
+    boxes.lose(empty.map(|b| *b = None).count(), "boxes without area are left out");
     let tracks = truth.iter().enumerate().filter_map(|(frame, bbox)| {
         let bbox = (*bbox)?;
         Some(TrackBox { frame, id: ID, bbox, confidence: 1.0 })
@@ -84,10 +87,10 @@ pub(super) fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()
             if beside.exists() && !path.exists() {
                 return Err(Error::malformed(beside, "it labels other boxes in this folder; write to another folder"));
             }
-            files::write(beside, labels.as_bytes())?;
             let filled: Vec<BBox> =
                 truth.iter().map(|b| b.unwrap_or(BBox::counted_from_1(0.0, 0.0, 0.0, 0.0))).collect();
-            annotation::format_boxes(&filled)
+            files::write(path, annotation::format_boxes(&filled).as_bytes())?;
+            return files::write(beside, labels.as_bytes());
         }
         _ => annotation::format_truth(&truth),
     };

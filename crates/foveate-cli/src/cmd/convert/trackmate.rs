@@ -24,6 +24,7 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     };
     let [x, y, radius] = [column("POSITION_X")?, column("POSITION_Y")?, column("RADIUS")?];
     let [track, frame] = [column("TRACK_ID")?, column("FRAME")?];
+    let quality = column("QUALITY").ok();
     memory::check(format_args!("{}: boxes", path.display()), lines.clone().count() as u64 * BOX)?;
     let mut boxes = Boxes::default();
     for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
@@ -59,7 +60,8 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         let bbox = BBox::around(value(x)?, value(y)?, side, side);
         bbox.check().map_err(|e| wrong(e.to_string()))?;
         boxes.frames = boxes.frames.max(frame + 1);
-        boxes.tracks.push(TrackBox { frame, id, bbox, confidence: 1.0 });
+        let confidence = quality.and_then(|k| fields[k].parse().ok()).filter(|q: &f64| q.is_finite()).unwrap_or(1.0);
+        boxes.tracks.push(TrackBox { frame, id, bbox, confidence });
     }
     Ok(boxes)
 }

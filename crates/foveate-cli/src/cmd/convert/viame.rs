@@ -19,7 +19,7 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         || text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let count = lines().count();
     memory::check(format_args!("{}: {count} boxes", path.display()), count as u64 * BOX)?;
-    let (mut boxes, mut more) = (Boxes::default(), 0);
+    let (mut boxes, mut more, mut other) = (Boxes::default(), 0, 0);
     for (number, line) in lines() {
         let wrong = |problem: String| Error::malformed(path, format!("line {}: {problem}", number + 1));
         let fields = split(line);
@@ -42,12 +42,13 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         let bbox = BBox::from_corners(value(3)?, value(4)?, value(5)?, value(6)?);
         bbox.check().map_err(|e| wrong(e.to_string()))?;
         if let Some(label) = label(&fields[FIELDS..]) {
-            boxes.labels.insert(id, label.to_owned());
+            other += usize::from(boxes.labels.entry(id).or_insert_with(|| label.to_owned()) != label);
         }
         more += usize::from(fields.len() > FIELDS + 2);
         boxes.frames = boxes.frames.max(frame + 1);
         boxes.tracks.push(TrackBox { frame, id, bbox, confidence: value(7)? });
     }
+    boxes.lose(other, "boxes differ from the class of the first box of their target, which is kept");
     boxes.lose(more, "boxes have further classes or attributes; they are left out");
     Ok(boxes)
 }
