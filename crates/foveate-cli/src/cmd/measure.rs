@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use foveate::BBox;
-use foveate::lab::measure::{self, Axes, Clock, FitRequest, Lens, Ruler, Settings, Track};
+use foveate::lab::measure::{self, Axes, Clock, Earlier, FitRequest, Lens, Ruler, Settings, Track};
 use foveate::text::counted;
 use foveate::{Error, Result};
 
@@ -21,11 +21,53 @@ The output folder also has measure.csv (times, positions, velocities and acceler
 
 Example: foveate measure ball.mp4 --init 310,40,28,28 --ruler 100,60,100,460=1.000+-0.002m --fit parabola:y";
 
+/// Options that say how a video is read and tracked.
+const OF_A_VIDEO: [&str; 38] = [
+    "sources",
+    "reference",
+    "decoder",
+    "sandbox",
+    "raw",
+    "pix",
+    "from",
+    "every",
+    "every_frame",
+    "max_latency",
+    "listen",
+    "reconnect",
+    "stream",
+    "init",
+    "detect",
+    "detections",
+    "least",
+    "classes",
+    "layout",
+    "inits",
+    "save_detections",
+    "reinit",
+    "config",
+    "profile",
+    "policy",
+    "set",
+    "seed",
+    "load_state",
+    "save_state",
+    "until",
+    "json",
+    "regret",
+    "recognise",
+    "trace",
+    "no_video",
+    "no_report",
+    "keyframes",
+    "format",
+];
+
 #[derive(clap::Args)]
 #[command(after_help = FILES, mut_arg("sources", |sources| sources.required(false).required_unless_present("track")))]
 pub(crate) struct MeasureArgs {
     /// Measure an existing track.csv of `foveate track` instead of a video
-    #[arg(long, value_name = "track.csv", conflicts_with_all = ["sources", "reference"])]
+    #[arg(long, value_name = "track.csv", conflicts_with_all = OF_A_VIDEO)]
     track: Option<PathBuf>,
     /// Scale: two points in the picture and the length between them, with its standard error and unit (mm, cm, m, km, in, ft; default: m).
     /// Without it lengths are in pixels
@@ -52,7 +94,7 @@ pub(crate) struct MeasureArgs {
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_box, allow_hyphen_values = true)]
     reference: Option<BBox>,
     /// Key frames: boxes of the target that you drew in some frames, as for `foveate annotate`. Tracking starts at the first one and restarts
-    /// at each of the others. Add the frames of ask.csv, and measure again
+    /// at each of the others. Add the frames of ask.csv, and measure again. Their pixels are those of the video, whatever --scale is
     #[arg(long, value_name = "FILE", requires = "format", conflicts_with_all = ["init", "reinit", "from", "load_state", "track"])]
     keyframes: Option<PathBuf>,
     /// Format of the key frames
@@ -98,14 +140,21 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
             [Some(&file), calibration.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
         spare(&folder.join(name), &inputs)?;
     }
-    if clock.is_none()
-        && let Some(earlier) = measure::read_clock(&file)?
-    {
+    let earlier = Earlier::beside(&file)?;
+    if earlier.reference {
+        let problem = "it was measured relative to --reference, whose track it does not hold; measure the video again";
+        return Err(Error::malformed(file, problem));
+    }
+    if let Some((lens, picture)) = settings.lens.as_ref().zip(earlier.picture) {
+        lens.check(picture)?;
+    }
+    if let (None, Some(earlier)) = (clock, earlier.fps) {
         say!("{} frames per second, of the fits.json beside the track; --fps changes them", earlier.rate);
         settings.clock = Some(earlier);
     }
     let point = Track { name: names.concat(), positions: measure::read(&file)? };
-    let measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;
+    let mut measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;
+    measured.iter_mut().for_each(|point| point.picture = earlier.picture);
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
     measure::write(folder, (&file.display().to_string(), run.input.selection().scale), &measured)?;
     measure::text(&measured).iter().for_each(|line| say!("{line}"));

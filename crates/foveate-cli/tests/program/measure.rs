@@ -38,6 +38,18 @@ fn a_video_and_its_track_give_the_same_measurement() {
         fits["fits"][0]["values"][1]["value"].as_f64().expect("a speed").abs()
     };
     assert!(speed("relative") < 0.3 * speed("out"), "{} {}", speed("relative"), speed("out"));
+    // The reference is not in the track, so that it cannot be taken off again.
+    let without = run(&["--track", "relative/track.csv", "-o", "without"]);
+    assert!(!without.status.success() && errors(&without).contains("--reference"), "{}", errors(&without));
+    std::fs::write(place.path("lens.yml"), calibration("image_width: 4000\nimage_height: 90\n", 0.0))
+        .expect("writable");
+    let other = run(&["--track", "out/track.csv", "-o", "without", "--lens", "lens.yml"]);
+    assert!(!other.status.success() && errors(&other).contains("4000 x 90"), "{}", errors(&other));
+    for more in [&["--from", "3"][..], &["--until", "5"], &["--json"], &["--init", &first]] {
+        let ignored = run(&[&["--track", "out/track.csv", "-o", "without"], more].concat());
+        assert!(!ignored.status.success() && errors(&ignored).contains("cannot be used with"), "{}", errors(&ignored));
+    }
+    assert!(!place.path("without").exists());
 }
 
 #[test]
@@ -117,7 +129,7 @@ fn corrections_are_key_frames_and_a_lens_is_taken_out() {
     let place = Place::new();
     let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
     let line = |frame: usize| format!("{frame},1,{},1,-1,-1,-1\n", truth.lines().nth(frame - 1).expect("a box"));
-    std::fs::write(place.path("keys.txt"), line(2) + &line(6)).expect("writable");
+    std::fs::write(place.path("keys.txt"), line(2) + &line(7)).expect("writable");
     let run = |args: &[&str]| {
         let quick = [
             "measure",
@@ -134,11 +146,16 @@ fn corrections_are_key_frames_and_a_lens_is_taken_out() {
         let output = place.run(&[&quick[..], args].concat());
         assert!(output.status.success(), "{}", errors(&output));
     };
+    let given = |folder: &str| -> Vec<String> {
+        let table = String::from_utf8(place.read(&format!("{folder}/track.csv"))).expect("text");
+        let given = table.lines().filter(|line| line.contains(",,,,,,"));
+        given.filter_map(|line| line.split(',').next().map(str::to_owned)).collect()
+    };
+    // Only the key frames of the part that is tracked.
+    run(&["-o", "until", "--until", "6"]);
+    assert_eq!(given("until"), ["2"]);
     run(&["-o", "plain"]);
-    let table = String::from_utf8(place.read("plain/track.csv")).expect("text");
-    let given: Vec<&str> =
-        table.lines().filter(|line| line.contains(",,,,,,")).filter_map(|line| line.split(',').next()).collect();
-    assert_eq!(given, ["2", "6"], "{table}");
+    assert_eq!(given("plain"), ["2", "7"]);
     std::fs::write(place.path("flat.yml"), calibration("", 0.0)).expect("writable");
     std::fs::write(place.path("bent.yml"), calibration("", -0.1)).expect("writable");
     run(&["-o", "flat", "--lens", "flat.yml"]);
@@ -177,5 +194,8 @@ fn what_cannot_be_measured_is_refused() {
     refused(&["video", "--lens", "lens.yml"], "4000 x 90");
     refused(&["video", "--keyframes", "two.txt", "--format", "mot"], "2 targets");
     refused(&["video", "--keyframes", "two.txt"], "--format");
+    std::fs::write(place.path("keys.txt"), "1,1,5,5,20,20,1,-1,-1,-1\n3,1,5,5,20,20,1,-1,-1,-1\n").expect("writable");
+    let keys = ["video", "--keyframes", "keys.txt", "--format", "mot", "--every", "3"];
+    refused(&keys, "keys.txt: --every 3 leaves out the key frame 3");
     refused(&["video", "--fit", "cubic:y"], "parabola");
 }

@@ -34,6 +34,19 @@ impl Lens {
         Self { focal, centre, distortion: [k1, 0.0, 0.0, 0.0, 0.0], size: None }
     }
 
+    /// Checks that it was calibrated with pictures of this width and height, if its file states them.
+    ///
+    /// # Errors
+    /// The sizes differ.
+    pub fn check(&self, [width, height]: [usize; 2]) -> Result<()> {
+        match self.size {
+            Some([w, h]) if [w, h] != [width, height] => Err(Error::Invalid(format!(
+                "--lens: it was calibrated with pictures of {w} x {h}, these are {width} x {height}; give the calibration of this size"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     /// Reads a file that OpenCV's `FileStorage` wrote (YAML, XML or JSON), or one of ROS (`camera_info`, YAML).
     ///
     /// # Errors

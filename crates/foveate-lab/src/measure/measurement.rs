@@ -62,6 +62,10 @@ pub struct Measurement {
     pub unit: &'static str,
     /// The frame rate that replaced the times of the source.
     pub clock: Option<Clock>,
+    /// Whether positions are relative to a reference.
+    pub referenced: bool,
+    /// Width and height of the tracked pictures, if they are known.
+    pub picture: Option<[usize; 2]>,
     /// Relative standard errors of all lengths and of all times.
     pub relative: [f64; 2],
     /// From the first to the last frame with a position.
@@ -191,7 +195,23 @@ fn measure_point(
     let notes = ask::note(&ask).into_iter().collect();
     let (point, straightened, clock) = (name.to_owned(), settings.lens.is_some(), settings.clock);
     let (axes, unit) = (*axes, axes.unit());
-    Ok(Measurement { point, axes, straightened, unit, clock, relative, rows, smoothing, fits, fit_notes, ask, notes })
+    let (referenced, picture) = (reference.is_some(), None);
+    Ok(Measurement {
+        point,
+        axes,
+        straightened,
+        unit,
+        clock,
+        referenced,
+        picture,
+        relative,
+        rows,
+        smoothing,
+        fits,
+        fit_notes,
+        ask,
+        notes,
+    })
 }
 
 /// Returns the usual covariance of a track, for frames whose box was given.

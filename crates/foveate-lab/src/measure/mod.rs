@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | positions and covariances of a run, or of its track.csv | [`Track`], [`Position`], [`read`], [`parse`] |
 //! | distortion of the lens | [`Lens`] |
-//! | pixels to metres, origin, axes, clock, and their texts | [`Axes`], [`Ruler`], [`Clock`], [`parse_point`], [`parse_angle`], [`read_clock`] |
+//! | pixels to metres, origin, axes, clock, and their texts | [`Axes`], [`Ruler`], [`Clock`], [`parse_point`], [`parse_angle`], [`Earlier`] |
 //! | frames to look at | [`Ask`] |
 //! | a fixed-interval smoother | [`smooth`] |
 //! | fits with parameter errors | [`fit`], [`Curve`] |
@@ -36,7 +36,7 @@ pub use measurement::{Measurement, Row, Settings, measure};
 pub use models::{Curve, Parameter};
 #[cfg(feature = "eval")]
 pub use observer::{FILES, Follower, Lines, MeasureFiles, write};
-pub use options::{parse_angle, parse_point, read_clock};
+pub use options::{Earlier, parse_angle, parse_point};
 pub use requested::{AXES, Fit, FitRequest, Value};
 pub use smooth::{FAR, FEWEST, Sample, Smoothed, Smoothing, smooth};
 pub use tables::{tables, text};

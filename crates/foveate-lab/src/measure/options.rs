@@ -82,25 +82,34 @@ impl FromStr for Clock {
     }
 }
 
-/// Reads the frame rate of an earlier measurement from its fits.json, which lies beside the track; `None` if there is no such file, or if
-/// the times were those of the video.
-///
-/// # Errors
-/// The file cannot be read, or has no frame rate.
-pub fn read_clock(track: &Path) -> foveate_base::Result<Option<Clock>> {
-    #[derive(Deserialize)]
-    struct Fits {
-        fps: Option<Clock>,
+/// What the fits.json beside a track says of the measurement that it belongs to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Earlier {
+    /// The frame rate; `None` if the times were those of the video.
+    pub fps: Option<Clock>,
+    /// Whether positions were relative to a reference, which the track does not have.
+    pub reference: bool,
+    /// Width and height of the tracked pictures, if they are known.
+    pub picture: Option<[usize; 2]>,
+}
+
+impl Earlier {
+    /// Reads the file; the default if there is none.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no fits.json.
+    pub fn beside(track: &Path) -> foveate_base::Result<Self> {
+        let path = track.with_file_name("fits.json");
+        if !path.exists() {
+            return Ok(Self::default());
+        }
+        let problem = |e: String| Error::malformed(&path, format!("{e}; give --fps, or move the file"));
+        let earlier: Self =
+            serde_json::from_str(&files::read_text(&path, files::TEXT)?).map_err(|e| problem(e.to_string()))?;
+        let checked = |Clock { rate, error }| format!("{rate}+-{error}").parse().map_err(problem);
+        Ok(Self { fps: earlier.fps.map(checked).transpose()?, ..earlier })
     }
-    let path = track.with_file_name("fits.json");
-    if !path.exists() {
-        return Ok(None);
-    }
-    let problem = |e: String| Error::malformed(&path, format!("{e}; give --fps, or move the file"));
-    let fits: Fits =
-        serde_json::from_str(&files::read_text(&path, files::TEXT)?).map_err(|e| problem(e.to_string()))?;
-    let checked = |Clock { rate, error }| format!("{rate}+-{error}").parse().map_err(problem);
-    fits.fps.map(checked).transpose()
 }
 
 #[cfg(test)]
@@ -139,10 +148,10 @@ mod tests {
     fn a_later_measurement_reads_the_rate_of_an_earlier_one() {
         let folder = tempfile::tempdir().expect("a folder");
         let track = folder.path().join("track.csv");
-        assert_eq!(read_clock(&track).expect("no file"), None);
+        assert_eq!(Earlier::beside(&track).expect("no file"), Earlier::default());
         let read = |text: &str| {
             std::fs::write(folder.path().join("fits.json"), text).expect("a file");
-            read_clock(&track).map_err(|e| e.to_string())
+            Earlier::beside(&track).map(|it| it.fps).map_err(|e| e.to_string())
         };
         assert_eq!(read(r#"{"fps": {"rate": 240.0, "error": 0.5}}"#), Ok(Some(Clock { rate: 240.0, error: 0.5 })));
         assert_eq!(read(r#"{"fps": null, "fits": []}"#), Ok(None));

@@ -64,7 +64,7 @@ pub struct Value {
     pub value: f64,
     /// Its standard error, with those of scale and clock.
     pub error: f64,
-    /// The 95 % interval.
+    /// The 95 % interval; an end may be infinite, which is null in JSON.
     pub interval: [f64; 2],
     /// Its unit.
     pub unit: String,
@@ -172,7 +172,13 @@ impl Fitting<'_> {
             }
         };
         let (p, c) = (&fitted.values, &fitted.covariance);
-        let of = |(i, (name, length, time)): (usize, &(&str, i32, i32))| value(name, p[i], c[i][i], (*length, *time));
+        let of = |(i, (name, length, time)): (usize, &(&str, i32, i32))| {
+            let mut value = value(name, p[i], c[i][i], (*length, *time));
+            if *name == "tau" {
+                value.interval = reciprocal(value.value, value.interval[1] - value.value);
+            }
+            value
+        };
         let mut values: Vec<Value> = curve.parameters().iter().enumerate().map(of).collect();
         match (curve, request.axis) {
             (Curve::Parabola, 1) => values.push(value("g", -p[2], c[2][2], (1, -2))),
@@ -216,13 +222,28 @@ fn undamped(curve: Curve, fitted: &Fitted) -> Option<(f64, &'static str)> {
     (student(fitted.freedom) * error >= tau.abs()).then_some((tau, simpler.name()))
 }
 
+/// Returns the interval of a time constant, from that of its reciprocal, whose errors are normal: a decay that may be none has no upper end.
+fn reciprocal(tau: f64, half: f64) -> [f64; 2] {
+    let (rate, half) = (1.0 / tau, half / (tau * tau));
+    match [rate - half, rate + half] {
+        [low, high] if low > 0.0 || high < 0.0 => [1.0 / high, 1.0 / low],
+        [_, high] if tau > 0.0 => [1.0 / high, f64::INFINITY],
+        [low, _] => [f64::NEG_INFINITY, 1.0 / low],
+    }
+}
+
 impl Value {
     /// Returns the value with its standard error, unit and 95 % interval.
     pub fn text(&self) -> String {
         let [low, high] = self.interval;
         let Self { name, value, error, unit, .. } = self;
         let (value, rounded) = (with_error(*value, *error), |end| with_digits(end, *error));
-        format!("{name} = {value} {unit} (95 %: {} to {})", rounded(low), rounded(high))
+        let interval = match (low.is_finite(), high.is_finite()) {
+            (true, true) => format!("{} to {}", rounded(low), rounded(high)),
+            (true, false) => format!("{} or more", rounded(low)),
+            _ => format!("{} or less", rounded(high)),
+        };
+        format!("{name} = {value} {unit} (95 %: {interval})")
     }
 }
 
@@ -248,8 +269,20 @@ mod tests {
                 let (t, error) = (f64::from(k) / 30.0, 0.003 * f64::from(k * 7919 % 13) - 0.018);
                 (t, Curve::Drag.at(&[1.0, 0.0, -9.81 * tau, tau], t) + error, 1e-4)
             };
-            let fitted = fit(Curve::Drag, &(0..30).map(point).collect::<Vec<_>>()).expect("enough points");
+            let points: Vec<Point> = (0..30).map(point).collect();
+            let fitted = fit(Curve::Drag, &points).expect("enough points");
             assert_eq!(undamped(Curve::Drag, &fitted).map(|found| found.1), simpler, "{fitted:?}");
+            let request = FitRequest { curve: Curve::Drag, axis: 1, range: None };
+            let fitting = Fitting { point: "1", length: "m", relative: [0.0; 2] };
+            let values = fitting.result(&request, &points, &fitted).values;
+            let it = values.iter().find(|value| value.name == "tau").expect("a time constant");
+            let [low, high] = it.interval;
+            assert!(0.0 < low && low < it.value && it.value < high, "{it:?}");
+            assert_eq!(
+                (high.is_infinite(), it.text().contains("or more")),
+                (simpler.is_some(), simpler.is_some()),
+                "{it:?}"
+            );
         }
     }
 }

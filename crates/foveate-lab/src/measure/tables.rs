@@ -65,7 +65,8 @@ fn json(points: &[Measurement]) -> String {
     let [scale, clock] = points[0].relative;
     let fits: Vec<&Fit> = points.iter().flat_map(|point| &point.fits).collect();
     let value = serde_json::json!({
-        "unit": points[0].unit, "fps": points[0].clock, "relative_error_of_scale": scale, "relative_error_of_clock": clock, "fits": fits,
+        "unit": points[0].unit, "fps": points[0].clock, "reference": points[0].referenced, "picture": points[0].picture,
+        "relative_error_of_scale": scale, "relative_error_of_clock": clock, "fits": fits,
         "notes": notes(points),
     });
     format!("{value:#}\n")

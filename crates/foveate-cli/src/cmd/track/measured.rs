@@ -29,12 +29,29 @@ impl Args {
             return Err(Error::Invalid("--keyframes needs a file, not a stream; give --init".into()));
         }
         let about = open_with(source, &self.input.options())?.info().clone();
-        let targets = Boxes::read_of_size(format, path, Some(about.size()))?.key_frames();
+        let mut boxes = Boxes::read_of_size(format, path, Some(about.size()))?;
+        boxes.take_notes().iter().for_each(|lost| note!("foveate: {}: {lost}", path.display()));
+        let targets = boxes.key_frames();
         let (Some(keys), 1) = (targets.values().next(), targets.len()) else {
             let count = counted(targets.len(), "target");
             return Err(Error::malformed(path, format!("it has {count} with key frames; expected one")));
         };
-        for (k, (frame, bbox)) in keys.iter().filter_map(|(frame, bbox)| Some((*frame, (*bbox)?))).enumerate() {
+        // Key frames beyond --until wait for a later run.
+        let until = self.until.and_then(|until| usize::try_from(until).ok()).unwrap_or(usize::MAX);
+        let drawn =
+            keys.iter().filter_map(|(frame, bbox)| Some((*frame, (*bbox)?))).filter(|(frame, _)| *frame < until);
+        let Some((first, _)) = drawn.clone().next() else {
+            return Err(Error::malformed(path, "it has no box in a frame that is tracked; expected at least one"));
+        };
+        let every = self.input.selection().every;
+        for (k, (frame, bbox)) in drawn.enumerate() {
+            if (frame - first) % every != 0 {
+                let frame = frame + 1;
+                return Err(Error::malformed(
+                    path,
+                    format!("--every {every} leaves out the key frame {frame}; give another step"),
+                ));
+            }
             check_box(&format!("the box in frame {}", frame + 1), &bbox, &about).map_err(of_file(path))?;
             let bbox = self.input.scaled(&bbox);
             if k == 0 {
@@ -72,14 +89,8 @@ impl Measured {
             return Err(Error::Invalid(problem.into()));
         }
         let about = opened.source.info();
-        let size = about.size();
-        if let Some([width, height]) = measure.settings.lens.and_then(|lens| lens.size)
-            && (width, height) != (size.width, size.height)
-        {
-            return Err(Error::Invalid(format!(
-                "--lens: it was calibrated with pictures of {width} x {height}, these are {} x {}; give the calibration of this size",
-                size.width, size.height
-            )));
+        if let Some(lens) = &measure.settings.lens {
+            lens.check([about.width, about.height])?;
         }
         let several = args.init.len() > 1;
         if opened.tiles.is_some() && (several || measure.reference.is_some()) {
