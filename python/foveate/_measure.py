@@ -193,30 +193,35 @@ def measure(
     if isinstance(video, (str, os.PathLike)):
         channels = str(tracker.get("channels", "rgb"))
         with Video(video, channels="bgr" if channels.startswith("bgr") else "rgb") as opened:
-            tracks = _tracks(opened, points, reference, fps is not None, tracker)
+            tracks, size = _tracks(opened, points, reference, fps is not None, tracker)
     else:
-        tracks = _tracks(video, points, reference, fps is not None, tracker)
+        tracks, size = _tracks(video, points, reference, fps is not None, tracker)
     still = None if reference is None else tracks.pop()
     if ruler is not None and len(ruler) not in (5, 6):
         raise InputError(f"ruler is (x1, y1, x2, y2, metres) or with its error; it has {len(ruler)} numbers")
     length = None if ruler is None else (list(ruler[:4]), ruler[4], ruler[5] if len(ruler) == 6 else 0.0)
     clock = fps if fps is None or isinstance(fps, tuple) else (fps, 0.0)
     requests = [fit] if isinstance(fit, str) else list(fit)
-    found = measure_tracks(list(zip(points, tracks)), still, length, origin, angle, clock, requests, lens)
+    bent = None if lens is None else (lens, size)
+    found = measure_tracks(list(zip(points, tracks)), still, length, origin, angle, clock, requests, bent)
     measured = {name: _measurement(fields) for name, fields in zip(points, found)}
     return measured if isinstance(init, Mapping) else measured["1"]
 
 
 def _tracks(
     video: Any, points: Mapping[str, Sequence[float]], reference: Sequence[float] | None, timed: bool, settings: dict[str, Any]
-) -> list[list[Any]]:
-    """Follows the points, then the reference, and returns the positions of each."""
+) -> tuple[list[list[Any]], tuple[int, int]]:
+    """Follows the points, then the reference, and returns the positions of each, and width and height of the pictures."""
+    size = (0, 0)
     trackers = [(Tracker(**settings), box, list[Any]()) for box in points.values()]
     if reference is not None:
         # With another seed than the points: their errors are independent of its errors.
         seed = (Tracker(**settings).seed + 1) % 2**64
         trackers.append((Tracker(**settings | {"seed": seed}), reference, list[Any]()))
     for at, image in enumerate(video):
+        if at == 0:
+            height, width = np.shape(image)[:2]
+            size = (width, height)
         opened = video if isinstance(video, Video) else None
         frame, time = (at, None) if opened is None else (opened.frame, opened.time)
         if time is None and not timed:
@@ -229,7 +234,7 @@ def _tracks(
             covariance = None if c is None else (c[0, 0], c[0, 1], c[1, 1])
             centre, status = (seen.state.x, seen.state.y), "given" if at == 0 else seen.status
             track.append((frame, 0.0 if time is None else time, centre, covariance, seen.p_lost, status, seen.ok))
-    return [track for _, _, track in trackers]
+    return [track for _, _, track in trackers], size
 
 
 def _measurement(fields: dict[str, Any]) -> Measurement:

@@ -19,7 +19,7 @@ type Frame = (usize, f64, (f64, f64), Option<[f64; 3]>, f64, String, bool);
 /// Lengths in the picture, metres and their error.
 type Length = ([f64; 4], f64, f64);
 
-/// Measures the motion of points: one dictionary of the fields of `foveate.Measurement` for each.
+/// Measures the motion of points: one dictionary of the fields of `foveate.Measurement` for each. With the lens comes the size of the pictures.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "the settings of a measurement, by name in Python")]
 pub(crate) fn measure_tracks<'py>(
@@ -31,7 +31,7 @@ pub(crate) fn measure_tracks<'py>(
     angle: f64,
     clock: Option<(f64, f64)>,
     fits: Vec<String>,
-    lens: Option<PathBuf>,
+    lens: Option<(PathBuf, [usize; 2])>,
 ) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let ruler = ruler.map(|([x1, y1, x2, y2], length, error)| Ruler { ends: [(x1, y1), (x2, y2)], length, error });
     if ruler.is_some_and(|ruler| ruler.scale().is_none()) {
@@ -51,7 +51,11 @@ pub(crate) fn measure_tracks<'py>(
     }
     let fits: Vec<FitRequest> =
         fits.iter().map(|fit| fit.parse()).collect::<Result<_, String>>().map_err(|problem| input(py, problem))?;
-    let lens = lens.map(|path| Lens::read(&path)).transpose().or_raise(py)?;
+    let read = |(path, picture): (PathBuf, _)| {
+        let lens = Lens::read(&path)?;
+        lens.check(picture).map(|()| lens)
+    };
+    let lens = lens.map(read).transpose().or_raise(py)?;
     let settings = Settings { axes: Axes { ruler, origin, angle }, lens, clock, fits };
     let position = |(frame, time, centre, covariance, p_lost, status, usable): Frame| Position {
         frame: frame + 1,

@@ -120,6 +120,13 @@ def test_measurements_are_those_of_the_program(pictures: Any, tmp_path: Path, re
     for wrong in ({}, {"fps": 0.0}, {"fps": 25, "fit": "cubic:y"}, {"fps": 25, "ruler": (1, 1, 1, 1, 1.0)}, {"fps": 25, "ruler": (1, 1)}):
         with pytest.raises(foveate.InputError):
             foveate.measure(pictures, FIRST, **wrong)
+    decay = doubtful.fits[1].values["tau"]
+    assert decay.interval[0] > 0 and decay.interval[1] == float("inf"), "the note says that there is no upper end"
+    lens = tmp_path / "lens.json"
+    matrix = {"camera_matrix": {"data": [100, 0, 50, 0, 100, 50, 0, 0, 1]}, "distortion_coefficients": {"data": [0, 0, 0, 0, 0]}}
+    lens.write_text(json.dumps({"image_width": 640, "image_height": 480, **matrix}))
+    with pytest.raises(foveate.InputError, match="640 x 480"):
+        foveate.measure(pictures, FIRST, fps=25, lens=lens)
 
 
 @pytest.mark.parametrize("name", ["Car1", "Couple", "Crossing", "Dog1", "DragonBaby"])
