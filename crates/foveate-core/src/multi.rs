@@ -231,7 +231,9 @@ impl MultiTracker {
         }
         let id = id.unwrap_or(self.next_id);
         let known = self.active.binary_search_by_key(&id, |t| t.track.id);
-        let born = known.map_or(self.frame, |at| self.active[at].track.born);
+        let earlier = known.map(|at| &self.active[at]).ok();
+        let earlier = earlier.or_else(|| self.terminated.iter().find(|target| target.track.id == id));
+        let born = earlier.map_or(self.frame, |target| target.track.born);
         if known.is_err() {
             self.place(image, id, bbox)?;
         }
@@ -239,6 +241,11 @@ impl MultiTracker {
         self.active[at].start(image, born, bbox, &self.pool);
         self.publish();
         Ok(id)
+    }
+
+    /// Keeps the ids up to this one for targets that are added with an id: those from detections, or added without one, get larger ids.
+    pub fn reserve(&mut self, id: u64) {
+        self.next_id = self.next_id.max(id.saturating_add(1));
     }
 
     /// Declares a cut in the video: terminates all targets, which are re-identified if they return.

@@ -137,6 +137,7 @@ fn mistakes_have_clear_errors() {
     std::fs::copy(place.path("video/img/0001.png"), place.path("alone/0001.png")).expect("copied");
     std::fs::write(place.path("wrong.toml"), CONFIG.replace("gamma", "gama")).expect("a writable folder");
     std::fs::write(place.path("head.y4m"), "YUV4MPEG2 W64 H48 F30:1 C420\n").expect("a writable folder");
+    std::fs::write(place.path("last.txt"), "10,1,9,9,20,20,1\n").expect("a writable folder");
     std::fs::write(place.path("late.txt"), "11,1,9,9,20,20,1\n").expect("a writable folder");
     std::fs::write(place.path("far.txt"), "1,1,9,9,20,20,1\n2,2,900,9,20,20,1\n").expect("a writable folder");
     let mut missing = vec![];
@@ -176,6 +177,8 @@ fn mistakes_have_clear_errors() {
         (&["video", "--detect", "--trace"], &["--trace is for one target"]),
         (&["video", "--inits", "late.txt"], &["late.txt", "frame 11", "10 frames"]),
         (&["video", "--inits", "far.txt"], &["far.txt", "frame 2", "x=900"]),
+        (&["video", "--inits", "last.txt", "--until", "9"], &["last.txt", "up to frame 9", "--until"]),
+        (&["alone", "--init", "motion"], &["alone", "needs two frames"]),
         (&["video", "--detections", "late.txt"], &["late.txt", "none of its 1 boxes counts"]),
         (&["video", "--detections", "no.txt"], &["no.txt"]),
     ] {

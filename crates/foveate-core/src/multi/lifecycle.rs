@@ -218,6 +218,20 @@ mod tests {
         assert_eq!(add(&mut it, None), 3);
     }
 
+    /// Ids that are kept for targets to come are given to no other, and a target that is added again after its end began with its first box.
+    #[test]
+    fn ids_are_kept_free() {
+        let mut it = targets(at_once());
+        it.reserve(9);
+        assert_eq!(initiated(&mut it, &[target(20.0)], 1), [1, 10]);
+        let add = |it: &mut MultiTracker, id| it.add(&picture(), id, target(80.0)).expect("a box in the picture");
+        assert_eq!([add(&mut it, Some(5)), add(&mut it, None)], [5, 11]);
+        (it.frame, it.next) = (7, 8);
+        it.cut();
+        add(&mut it, Some(5));
+        assert_eq!(it.target(5).map(|target| target.born), Some(0));
+    }
+
     /// Terminated targets are remembered for so many frames, and no more than fifty of them.
     #[test]
     fn terminated_targets_are_forgotten() {

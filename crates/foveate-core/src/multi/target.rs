@@ -153,6 +153,7 @@ impl Target {
             let comes_in = edge::comes_in(&self.track.bbox, &b, image, s.initiation.most);
             if comes_in {
                 self.track.bbox = b;
+                (self.track.state.x, self.track.state.y) = b.centre();
             }
             if comes_in || (deficit > s.renew && self.track.visible >= 1.0) {
                 self.update_template(image);
@@ -289,6 +290,17 @@ mod tests {
             let reported = it.ensemble.first().reported().0;
             assert!((w * h / (reported.w * reported.h) - 1.0).abs() < 1e-9);
         }
+    }
+
+    /// A target that enters the picture has the box of its detection, and its state is the centre of that box.
+    #[test]
+    fn the_state_is_the_centre_of_the_box() {
+        let (mut it, templates) = given(50.0);
+        let entering = BBox::new(36.0, 0.0, 24.0, 60.0);
+        it.set_detection(Some(Detection::new(entering, 1.0)), None);
+        it.step(&picture(), &Settings::default(), true);
+        let centre = (it.track.state.x, it.track.state.y);
+        assert_eq!((it.track.bbox, centre, templates.load(Ordering::Relaxed)), (entering, entering.centre(), 2));
     }
 
     /// A target that is set again keeps its id and its class.

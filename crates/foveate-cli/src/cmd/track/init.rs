@@ -88,10 +88,10 @@ fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result
     }
     let mut frames = input.open(source)?.source.take(2);
     let pair = (frames.next().transpose()?, frames.next().transpose()?);
-    let found = match pair {
-        (Some(a), Some(b)) => motion::first_box(&a.image, &b.image, size),
-        _ => None,
+    let (Some(a), Some(b)) = pair else {
+        return Err(Error::malformed(source, "--init motion needs two frames; give --init x,y,w,h"));
     };
+    let found = motion::first_box(&a.image, &b.image, size);
     let problem = "nothing moves between the first two frames; give --init x,y,w,h";
     found.ok_or_else(|| Error::malformed(source, problem))
 }

@@ -88,6 +88,7 @@ impl<'a> Plan<'a> {
                 let frames = Frames::new(0, "the video begins", args.until, &about)?;
                 let given = given(args, source, &about)?;
                 check_memory(tracker, &given, &about)?;
+                given.iter().filter_map(|given| given.id).for_each(|id| tracker.reserve(id));
                 let still = detector.needs_still_camera();
                 **detections = Detections::of((args, source), &about, frames, given.is_empty(), still)?;
                 detections.warnings = info.warnings.clone();
@@ -293,8 +294,15 @@ fn given(args: &Args, source: &Path, about: &SourceInfo) -> Result<Vec<Given>> {
         let problem = format!("frame {frame}: two boxes of target {id}; give one, or other ids");
         return Err(Error::malformed(path, problem));
     }
-    if given.is_empty() && args.many.detect.is_none() && args.many.detections.is_none() {
-        return Err(Error::malformed(path, "it has no box; give lines frame,id,x,y,w,h"));
+    if args.many.detect.is_none() && args.many.detections.is_none() {
+        if given.is_empty() {
+            return Err(Error::malformed(path, "it has no box; give lines frame,id,x,y,w,h"));
+        }
+        if let Some(until) = args.until.filter(|until| given.iter().all(|given| given.frame as u64 >= *until)) {
+            let problem =
+                format!("it has no box up to frame {until}, the last one (--until); nothing would be tracked");
+            return Err(Error::malformed(path, problem));
+        }
     }
     Ok(given)
 }
