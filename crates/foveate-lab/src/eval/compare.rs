@@ -137,8 +137,17 @@ fn score_tracker(sequences: &[Sequence], folder: &Path) -> Result<Option<Evaluat
             }
         }
     }
-    let found = |name: &String| rows.iter().any(|row| row.sequence == *name);
-    let missing = sequences.iter().map(|s| &s.name).filter(|name| !found(name)).cloned().collect();
+    let seeds: BTreeSet<Option<u64>> = rows.iter().map(|row| row.seed).collect();
+    let mut missing = vec![];
+    for name in sequences.iter().map(|s| &s.name) {
+        let found = |seed: &Option<u64>| rows.iter().any(|row| row.sequence == *name && row.seed == *seed);
+        let without: Vec<String> = seeds.iter().filter(|seed| !found(seed)).flatten().map(u64::to_string).collect();
+        match without.len() {
+            0 if seeds.iter().any(found) => (),
+            n if n < seeds.len() && n > 0 => missing.push(format!("{name} with seed {}", without.join(", "))),
+            _ => missing.push(name.clone()),
+        }
+    }
     Ok((!rows.is_empty()).then_some(Evaluation { tracker, rows, missing }))
 }
 
@@ -344,6 +353,14 @@ mod tests {
             (&"B".into(), &1.into())
         );
         assert!(table::text(&both[..1]).lines().any(|l| l.starts_with("mean of 2")));
+        // A result that one seed of two lacks.
+        for (seed, name) in [(1, "A"), (1, "B"), (2, "A")] {
+            let folder = dir.path().join(format!("seeds/seed-{seed}"));
+            std::fs::create_dir_all(&folder).expect("a folder");
+            std::fs::write(folder.join(format!("{name}.txt")), format_boxes(&[at(0.0); 3])).expect("written");
+        }
+        let seeds = score_folder(&sequences, &dir.path().join("seeds")).expect("results");
+        assert_eq!(seeds[0].missing, ["B with seed 2"]);
 
         std::fs::write(dir.path().join("bad/A.txt"), "1,2,3,4\n").expect("written");
         let problem = score_folder(&sequences, &dir.path().join("bad")).expect_err("too short").to_string();
