@@ -57,6 +57,9 @@ impl Kind {
 
 /// Runs the command.
 pub(crate) fn run(args: Args) -> Result<()> {
+    if args.out.extension().is_some_and(|extension| !extension.eq_ignore_ascii_case("png")) {
+        return Err(Error::malformed(args.out, "the picture is a PNG; give a name that ends in .png"));
+    }
     spare(&args.out, &[&args.source])?;
     let wanted = args.frame.map_or(29, |n| usize::try_from(n - 1).unwrap_or(usize::MAX));
     let (mut detector, mut found) = (args.map.detector(), vec![]);
