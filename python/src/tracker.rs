@@ -240,8 +240,12 @@ impl PyTracker {
 
     /// Sets the time of the next picture, seconds from any origin. If frames were dropped before it, the particles move for as many frames
     /// more, 30 at most; at a constant rate nothing changes. :meth:`track` calls it for videos.
-    fn set_time(&self, py: Python<'_>, seconds: f64) {
+    fn set_time(&self, py: Python<'_>, seconds: f64) -> PyResult<()> {
+        if !seconds.is_finite() {
+            return Err(input(py, format!("a time is a finite number of seconds; it is {seconds}")));
+        }
         py.detach(|| self.0.working().tracker.set_time(seconds));
+        Ok(())
     }
 
     /// Sets the fraction of the target that the next pictures can show, 0 to 1, if something covers it; 1 by default.
