@@ -501,8 +501,7 @@ def measure_tracks(
     fits: Sequence[str],
     lens: tuple[str | PathLike[str], tuple[int, int]] | None,
 ) -> list[dict[str, Any]]:
-    """Measures the motion of points: one dictionary of the fields of `foveate.Measurement` for each. With the lens comes the size of the
-    pictures."""
+    """Measures the motion of points: one dictionary of the fields of `foveate.Measurement` for each. With the lens comes the size of the pictures."""
 def select(weights: _Floats, count: int, scheme: str, seed: int, step: int) -> npt.NDArray[np.int64]:
     """For each of `count` places of the next step, the index of the particle that takes it; ascending."""
 def learn_fit(kind: str, recipe: str, x: _Singles) -> dict[str, _Singles]:

@@ -23,7 +23,7 @@ class Value(NamedTuple):
     error: float
     """Standard error, in the same unit."""
     interval: tuple[float, float]
-    """The 95 % interval."""
+    """The 95 % interval; an end may be infinite."""
     unit: str
 
 
