@@ -176,3 +176,19 @@ fn named(names: Vec<String>, count: usize) -> Result<Vec<String>> {
     }
     Ok(names)
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Args;
+
+    use super::*;
+
+    /// A new option of a run is refused with --track, too, or is listed here because it applies.
+    #[test]
+    fn options_of_a_run_are_refused_with_a_track() {
+        let command = track::Args::augment_args(clap::Command::new("track"));
+        for option in command.get_arguments().map(|option| option.get_id().as_str()) {
+            assert!(OF_A_VIDEO.contains(&option) || ["out", "scale"].contains(&option), "{option}");
+        }
+    }
+}

@@ -375,8 +375,11 @@ fn damage_is_an_error_that_names_the_file() {
     std::fs::create_dir(place.0.path().join("folder")).expect("a folder");
     let run = place.run("boxes.txt", "otb", "folder", "got10k", &[]);
     assert!(!run.status.success() && place.read("absence.label") == "0\n", "{run:?}");
-    place.write("in", r#"{"images":[{"id":1,"frame_id":-1}],"annotations":[]}"#);
-    assert!(place.failure("in", "coco", "mot").contains("image 1: expected a frame_id from 0 on, found -1"));
+    for frame in [-1, i64::MIN] {
+        place.write("in", &format!("{{\"images\":[{{\"id\":1,\"frame_id\":{frame}}}],\"annotations\":[]}}"));
+        let problem = place.failure("in", "coco", "mot");
+        assert!(problem.contains("image 1: expected a frame_id from 0 on, found -"), "{problem}");
+    }
     place.write("in", r#"[{"annotations":[{"result":[]},{"result":[]}]}]"#);
     let two = place.run("in", "label-studio", "failed", "mot", &["--size", "64x48"]);
     assert!(String::from_utf8_lossy(&two.stderr).contains("it has 2 annotations; expected one"), "{two:?}");

@@ -115,7 +115,7 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     let first = i64::from(order.iter().all(|(frame_id, _)| *frame_id != 0));
     let mut frames: BTreeMap<i64, usize> = BTreeMap::new();
     for (rank, (frame_id, id)) in order.iter().enumerate() {
-        let frame = if ordered { usize::try_from(*frame_id - first) } else { Ok(rank) };
+        let frame = if ordered { usize::try_from(frame_id.saturating_sub(first)) } else { Ok(rank) };
         let wrong = |_| Error::malformed(path, format!("image {id}: expected a frame_id from 0 on, found {frame_id}"));
         if frames.insert(*id, frame.map_err(wrong)?).is_some() {
             return Err(Error::malformed(path, "two images have the same id"));
