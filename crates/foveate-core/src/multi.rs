@@ -243,11 +243,6 @@ impl MultiTracker {
         Ok(id)
     }
 
-    /// Keeps the ids up to this one for targets that are added with an id: those from detections, or added without one, get larger ids.
-    pub fn reserve(&mut self, id: u64) {
-        self.next_id = self.next_id.max(id.saturating_add(1));
-    }
-
     /// Declares a cut in the video: terminates all targets, which are re-identified if they return.
     pub fn cut(&mut self) {
         self.tentative.clear();

@@ -34,6 +34,11 @@ impl MultiTracker {
         self.full
     }
 
+    /// Keeps the ids up to this one for targets that are added with an id: those from detections, or added without one, get larger ids.
+    pub fn reserve(&mut self, id: u64) {
+        self.next_id = self.next_id.max(id.saturating_add(1));
+    }
+
     /// Ends the track of the target with this id permanently: it is not re-identified later, and its id is not used again. Returns whether
     /// it was active.
     pub fn remove(&mut self, id: u64) -> bool {
