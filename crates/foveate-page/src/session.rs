@@ -208,8 +208,8 @@ impl<H: Host> Session<H> {
         if self.is_live() { self.tracks.get(0).map(|_| String::new()) } else { self.tracks.command(&self.name) }
     }
 
-    /// Returns the track.csv of a target, and the command that measures it; the command is empty for a camera or a stream.
-    pub(crate) fn measurable(&self, target: usize, options: &Options) -> Result<(String, String)> {
+    /// Returns the track.csv of a target, the command that measures it (empty for a camera or a stream), and width and height of the pictures.
+    pub(crate) fn measurable(&self, target: usize, options: &Options) -> Result<(String, String, [usize; 2])> {
         let tracking = self.tracks.get(target)?;
         if tracking.frames() > MOST_MEASURED {
             return Err(Error::Invalid(format!(
@@ -223,7 +223,7 @@ impl<H: Host> Session<H> {
         } else {
             options.command(target, &self.tracks.line(target, &self.name)?)
         };
-        Ok((track, command))
+        Ok((track, command, [self.info.width, self.info.height]))
     }
 
     /// Starts writing results. Text files exist already; a camera or a stream has no others.
