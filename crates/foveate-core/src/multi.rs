@@ -237,7 +237,8 @@ impl MultiTracker {
         if known.is_err() {
             self.place(image, id, bbox)?;
         }
-        let at = self.active.partition_point(|t| t.track.id < id);
+        // Where it is, or where it was just inserted.
+        let at = known.unwrap_or_else(|at| at);
         self.active[at].start(image, born, bbox, &self.pool);
         self.publish();
         Ok(id)
