@@ -51,12 +51,9 @@ pub(crate) fn measure_tracks<'py>(
     }
     let fits: Vec<FitRequest> =
         fits.iter().map(|fit| fit.parse()).collect::<Result<_, String>>().map_err(|problem| input(py, problem))?;
-    let read = |(path, picture): (PathBuf, _)| {
-        let lens = Lens::read(&path)?;
-        lens.check(picture).map(|()| lens)
-    };
-    let lens = lens.map(read).transpose().or_raise(py)?;
-    let settings = Settings { axes: Axes { ruler, origin, angle }, lens, clock, fits };
+    let (lens, picture) = lens.unzip();
+    let lens = lens.as_deref().map(Lens::read).transpose().or_raise(py)?;
+    let settings = Settings { axes: Axes { ruler, origin, angle }, lens, picture, clock, fits };
     let position = |(frame, time, centre, covariance, p_lost, status, usable): Frame| Position {
         frame: frame + 1,
         time,

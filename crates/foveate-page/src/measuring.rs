@@ -56,7 +56,7 @@ impl Options {
         };
         let clock = read("fps", self.fps.as_ref(), FromStr::from_str)?;
         let fit: Option<FitRequest> = read("fit", self.fit.as_ref(), FromStr::from_str)?;
-        Ok(Settings { axes, lens: None, clock, fits: fit.into_iter().collect() })
+        Ok(Settings { axes, clock, fits: fit.into_iter().collect(), ..Settings::default() })
     }
 
     /// Returns the `foveate measure` command of the `foveate track` command of a target (from 0).

@@ -3,7 +3,6 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use foveate_base::{Error, Result};
-use foveate_lab::measure::Measurement;
 use serde_json::{Value, json};
 
 use crate::host::Host;
@@ -131,11 +130,12 @@ impl<H: Host> Page<H> {
             Message::Correct { session, target, frame, bbox } => self.with(session, |s| s.correct(target, frame, bbox)),
             Message::Command { session } => self.with(session, |s| Ok(json!({ "command": s.command()? }))),
             Message::Measure { session, target, options, files } => {
-                let settings = options.settings()?;
+                let mut settings = options.settings()?;
                 let (track, command, picture) = self.with(session, |s| s.measurable(target, &options))?;
+                settings.picture = Some(picture);
                 // Without the lock of the video: the page shows and tracks its frames meanwhile.
                 self.host.run(|| {
-                    let measured = Measurement { picture: Some(picture), ..measured(target, &track, &settings)? };
+                    let measured = measured(target, &track, &settings)?;
                     let mut answer = if files { self::files(&measured) } else { charts(&measured) };
                     answer["command"] = json!(command);
                     Ok(answer)

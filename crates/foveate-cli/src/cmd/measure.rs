@@ -95,7 +95,7 @@ pub(crate) struct MeasureArgs {
     reference: Option<BBox>,
     /// Key frames: boxes of the target that you drew in some frames, as for `foveate annotate`. Tracking starts at the first one and restarts
     /// at each of the others. Add the frames of ask.csv, and measure again. Their pixels are those of the video, whatever --scale is
-    #[arg(long, value_name = "FILE", requires = "format", conflicts_with_all = ["init", "reinit", "from", "load_state", "track"])]
+    #[arg(long, value_name = "FILE", requires = "format", conflicts_with_all = ["init", "reinit", "from", "load_state"])]
     keyframes: Option<PathBuf>,
     /// Format of the key frames
     #[arg(long, value_enum, requires = "keyframes")]
@@ -124,7 +124,7 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
         mut run,
     } = args;
     let lens = calibration.as_deref().map(Lens::read).transpose()?;
-    let mut settings = Settings { axes: Axes { ruler, origin, angle }, lens, clock, fits };
+    let mut settings = Settings { axes: Axes { ruler, origin, angle }, lens, picture: None, clock, fits };
     let names = named(names, if file.is_some() { 1 } else { run.init.len().max(1) })?;
     let Some(file) = file else {
         if let Some((path, format)) = keyframes.as_ref().zip(format) {
@@ -145,16 +145,14 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
         let problem = "it was measured relative to --reference, whose track it does not hold; measure the video again";
         return Err(Error::malformed(file, problem));
     }
-    if let Some((lens, picture)) = settings.lens.as_ref().zip(earlier.picture) {
-        lens.check(picture)?;
-    }
+    settings.picture = earlier.picture;
+    settings.check()?;
     if let (None, Some(earlier)) = (clock, earlier.fps) {
         say!("{} frames per second, of the fits.json beside the track; --fps changes them", earlier.rate);
         settings.clock = Some(earlier);
     }
     let point = Track { name: names.concat(), positions: measure::read(&file)? };
-    let mut measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;
-    measured.iter_mut().for_each(|point| point.picture = earlier.picture);
+    let measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
     measure::write(folder, (&file.display().to_string(), run.input.selection().scale), &measured)?;
     measure::text(&measured).iter().for_each(|line| say!("{line}"));

@@ -38,7 +38,7 @@ impl Lens {
     ///
     /// # Errors
     /// The sizes differ.
-    pub fn check(&self, [width, height]: [usize; 2]) -> Result<()> {
+    pub(super) fn check(&self, [width, height]: [usize; 2]) -> Result<()> {
         match self.size {
             Some([w, h]) if [w, h] != [width, height] => Err(Error::Invalid(format!(
                 "--lens: it was calibrated with pictures of {w} x {h}, these are {width} x {height}; give the calibration of this size"

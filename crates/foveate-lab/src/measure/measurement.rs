@@ -24,10 +24,22 @@ pub struct Settings {
     pub axes: Axes,
     /// The lens, whose distortion is removed from all positions and points.
     pub lens: Option<Lens>,
+    /// Width and height of the tracked pictures, if they are known.
+    pub picture: Option<[usize; 2]>,
     /// A frame rate that replaces the times of the source.
     pub clock: Option<Clock>,
     /// The fits.
     pub fits: Vec<FitRequest>,
+}
+
+impl Settings {
+    /// Checks that the lens was calibrated with pictures of this size.
+    ///
+    /// # Errors
+    /// The sizes are known, and differ.
+    pub fn check(&self) -> Result<()> {
+        self.lens.as_ref().zip(self.picture).map_or(Ok(()), |(lens, picture)| lens.check(picture))
+    }
 }
 
 /// One frame of a measurement.
@@ -86,9 +98,10 @@ pub struct Measurement {
 /// the same frames. The first position of the first point is the origin, if none is given.
 ///
 /// # Errors
-/// There is no point; a track has too few positions, or times that do not increase; or the lens shows no point at an end of the ruler or at
-/// the origin.
+/// There is no point; a track has too few positions, or times that do not increase; the lens was calibrated with pictures of another size; or
+/// it shows no point at an end of the ruler or at the origin.
 pub fn measure(points: &[Track], reference: Option<&[Position]>, settings: &Settings) -> Result<Vec<Measurement>> {
+    settings.check()?;
     let lens = settings.lens.as_ref();
     let straight = |track: &[Position]| match lens {
         Some(lens) => track.iter().map(|p| lens.straighten(p)).collect(),
@@ -195,15 +208,14 @@ fn measure_point(
     let notes = ask::note(&ask).into_iter().collect();
     let (point, straightened, clock) = (name.to_owned(), settings.lens.is_some(), settings.clock);
     let (axes, unit) = (*axes, axes.unit());
-    let (referenced, picture) = (reference.is_some(), None);
     Ok(Measurement {
         point,
         axes,
         straightened,
         unit,
         clock,
-        referenced,
-        picture,
+        referenced: reference.is_some(),
+        picture: settings.picture,
         relative,
         rows,
         smoothing,
@@ -265,6 +277,7 @@ pub(super) mod tests {
         Settings {
             axes: Axes { ruler, ..Axes::default() },
             lens: None,
+            picture: None,
             clock: None,
             fits: vec![
                 FitRequest { curve: Curve::Parabola, axis: 1, range: None },

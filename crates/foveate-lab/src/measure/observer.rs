@@ -65,7 +65,6 @@ pub struct MeasureFiles {
     settings: Settings,
     points: Vec<Track>,
     reference: Option<(Follower, Vec<Position>)>,
-    picture: Option<[usize; 2]>,
     sinks: Vec<Sink>,
     lines: Lines,
     finished: bool,
@@ -86,7 +85,7 @@ impl MeasureFiles {
     ) -> Result<Self> {
         let sinks = FILES.into_iter().map(|name| Sink::create(folder.join(name))).collect::<Result<_>>()?;
         let points = names.into_iter().map(|name| Track { name, positions: vec![] }).collect();
-        Ok(Self { source, settings, points, reference: None, picture: None, sinks, lines, finished: false })
+        Ok(Self { source, settings, points, reference: None, sinks, lines, finished: false })
     }
 
     /// Measures relative to a thing at rest.
@@ -98,7 +97,6 @@ impl MeasureFiles {
 
 impl Observer for MeasureFiles {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
-        self.picture = Some([frame.image.width(), frame.image.height()]);
         for (point, seen) in self.points.iter_mut().zip(targets) {
             point.positions.push(Position::of(frame, seen));
         }
@@ -111,8 +109,7 @@ impl Observer for MeasureFiles {
     fn finish(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.finished, true) {
             let reference = self.reference.as_ref().map(|(_, track)| &track[..]);
-            let mut measured = measure(&self.points, reference, &self.settings)?;
-            measured.iter_mut().for_each(|point| point.picture = self.picture);
+            let measured = measure(&self.points, reference, &self.settings)?;
             for (sink, text) in self.sinks.iter_mut().zip(texts(
                 &self.source.0,
                 Some(Path::new(&self.source.0)),

@@ -89,9 +89,9 @@ impl Measured {
             return Err(Error::Invalid(problem.into()));
         }
         let about = opened.source.info();
-        if let Some(lens) = &measure.settings.lens {
-            lens.check([about.width, about.height])?;
-        }
+        let mut measure = measure.clone();
+        measure.settings.picture = Some([about.width, about.height]);
+        measure.settings.check()?;
         let several = args.init.len() > 1;
         if opened.tiles.is_some() && (several || measure.reference.is_some()) {
             let problem = "--reference and several points need whole pictures, not tiles; give one --init";
@@ -120,7 +120,7 @@ impl Measured {
             // With another seed than the points: their errors are independent of its errors.
             reference = Some(Follower::new(blueprint.tracker(seed.wrapping_add(1))?, bbox));
         }
-        Ok(Self { measure: measure.clone(), reference, others, lines: Lines::default() })
+        Ok(Self { measure, reference, others, lines: Lines::default() })
     }
 
     /// Returns whether there are several points.
