@@ -117,6 +117,7 @@ impl Saving {
         let Self { tracker, outputs, info, .. } = self;
         let began = H::now();
         let mut observers = outputs.iter_mut().map(|(_, observer, _)| observer);
+        tracker.set_time(frame.time);
         let seen = match self.given.get(&self.next) {
             Some(bbox) => {
                 tracker.init(&frame.image, *bbox)?;

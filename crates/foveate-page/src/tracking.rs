@@ -217,6 +217,7 @@ impl Tracking {
     }
 
     fn begin(&mut self, frame: &Frame, repeats: bool, bbox: BBox) -> Result<()> {
+        self.tracker.set_time(frame.time);
         self.tracker.init(&frame.image, bbox)?;
         self.given.insert(frame.index, bbox);
         self.count += 1;
@@ -232,6 +233,7 @@ impl Tracking {
             self.ended = true;
             return Ok(());
         };
+        self.tracker.set_time(frame.time);
         let seen = self.tracker.update(&frame.image)?;
         self.lines.observe(&frame, &seen)?;
         self.count += 1;
@@ -282,8 +284,8 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_correction_gives_what_a_run_with_that_box_gives() {
+    /// A square that moves one pixel a frame.
+    fn pictures() -> tempfile::TempDir {
         let dir = tempfile::tempdir().expect("a folder");
         for t in 0..30 {
             let inside = |x: usize, y: usize| (20 + t..44 + t).contains(&x) && (20..44).contains(&y);
@@ -291,9 +293,74 @@ mod tests {
             let image = Image::from_grey8(96, 64, &(0..96 * 64).map(pixel).collect::<Vec<_>>()).expect("96 x 64");
             save_png(dir.path().join(format!("{t}.png")), &image).expect("writable");
         }
+        dir
+    }
+
+    fn setup() -> Setup {
         let config = Config::builtin("natural-fast").expect("it ships").expect("it is right");
         let blueprint = config.check(&Nowhere).expect("it fits");
-        let setup = Setup { blueprint, config: "natural-fast".into(), policy: None, seed: 3 };
+        Setup { blueprint, config: "natural-fast".into(), policy: None, seed: 3 }
+    }
+
+    /// A source whose clock jumps by nine frames before frame 15.
+    struct Gap(Box<dyn FrameSource>);
+
+    impl Iterator for Gap {
+        type Item = Result<Frame>;
+        fn next(&mut self) -> Option<Self::Item> {
+            let frame = self.0.next()?;
+            Some(frame.map(|frame| {
+                let time = frame.index + if frame.index < 15 { 0 } else { 9 };
+                Frame { time: time as f64 / 30.0, ..frame }
+            }))
+        }
+    }
+
+    impl FrameSource for Gap {
+        fn info(&self) -> &foveate_video::SourceInfo {
+            self.0.info()
+        }
+    }
+
+    struct Gapped(Folder);
+
+    impl Reopen for Gapped {
+        fn source(&self, from: usize) -> Result<Box<dyn FrameSource>> {
+            Ok(Box::new(Gap(self.0.source(from)?)))
+        }
+    }
+
+    /// Where frames were dropped, the page predicts as a run does.
+    #[test]
+    fn a_gap_in_the_times_gives_what_a_run_gives() {
+        struct Boxes(Vec<[f64; 4]>);
+        impl foveate_report::Observer for Boxes {
+            fn observe(&mut self, _: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+                let b = targets[0].bbox;
+                self.0.push([b.x, b.y, b.w, b.h]);
+                Ok(())
+            }
+        }
+        let (dir, setup, a) = (pictures(), setup(), BBox::new(20.0, 20.0, 24.0, 24.0));
+        let folder = || Folder(dir.path().to_owned());
+        let boxes = |frames: &mut dyn Frames| {
+            let mut tracking =
+                Tracking::start(frames, Lines::new(None, None), setup.clone(), 0, a).expect("a box in the picture");
+            (0..1000).for_each(|_| tracking.step(frames).expect("tracked"));
+            tracking.take_rows().iter().map(|row| row.bbox).collect::<Vec<_>>()
+        };
+        let (even, gapped) = (boxes(&mut Player::new(folder())), boxes(&mut Player::new(Gapped(folder()))));
+        let (mut tracker, mut run) = (setup.blueprint.tracker(setup.seed).expect("it fits"), Boxes(vec![]));
+        let plan = foveate_report::run::RunPlan { init: Some(a), ..Default::default() };
+        let mut source = Gapped(folder()).source(0).expect("a folder of images");
+        foveate_report::run::run(&mut *source, &mut tracker, &mut run, plan).1.expect("tracked");
+        assert_eq!(gapped, run.0);
+        assert_ne!(gapped[15..], even[15..], "the gap matters");
+    }
+
+    #[test]
+    fn a_correction_gives_what_a_run_with_that_box_gives() {
+        let (dir, setup) = (pictures(), setup());
         let (a, b) = (BBox::new(20.0, 20.0, 24.0, 24.0), BBox::new(33.0, 18.0, 26.0, 28.0));
         let mut player = Player::new(Folder(dir.path().to_owned()));
         let frames: &mut dyn Frames = &mut player;
