@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_millis(50);
 pub struct Pace {
     /// None is dropped: the source waits.
     pub every_frame: bool,
-    /// A frame that waited longer than this for the tracker, since it was read, is dropped.
+    /// A frame that waited longer than this for the tracker, since it was read, is dropped, except the first one.
     pub max_latency: Option<Duration>,
 }
 
@@ -47,6 +47,8 @@ impl Meter {
 #[derive(Default)]
 struct Slot {
     frame: Option<(Frame, Instant)>,
+    /// The first frame was handed out: nothing takes its place, since the first box belongs to it.
+    begun: bool,
     /// The source has ended, with an error perhaps.
     end: Option<Option<Error>>,
 }
@@ -105,9 +107,11 @@ fn put(shared: &Shared, frame: (Frame, Instant), wait: bool, meter: &Meter) -> b
     while wait && slot.frame.is_some() && !shared.gone.load(Ordering::Relaxed) {
         slot = shared.changed.wait_timeout(slot, PATIENCE).unwrap_or_else(PoisonError::into_inner).0;
     }
-    if slot.frame.replace(frame).is_some() {
-        meter.drop_frames(1);
+    let full = slot.frame.is_some();
+    if slot.begun || !full {
+        slot.frame = Some(frame);
     }
+    meter.drop_frames(u64::from(full));
     shared.changed.notify_all();
     !shared.gone.load(Ordering::Relaxed)
 }
@@ -133,7 +137,8 @@ impl Iterator for Newest {
             }
             if let Some((frame, arrived)) = slot.frame.take() {
                 self.shared.changed.notify_all();
-                if self.pace.max_latency.is_some_and(|most| arrived.elapsed() > most) {
+                let begun = std::mem::replace(&mut slot.begun, true);
+                if begun && self.pace.max_latency.is_some_and(|most| arrived.elapsed() > most) {
                     self.meter.drop_frames(1);
                     continue;
                 }
@@ -234,11 +239,22 @@ mod tests {
     #[test]
     fn frames_that_waited_too_long_are_dropped() {
         let pace = Pace { every_frame: true, max_latency: Some(Duration::from_millis(20)) };
-        let (mut source, meter) = newest(camera(3, 0), pace, || false);
+        let (mut source, meter) = newest(camera(5, 0), pace, || false);
+        let mut next = || source.next().expect("one that is new").expect("a frame").index;
+        assert_eq!(next(), 0);
         sleep(Duration::from_millis(100));
-        // The first one waited in the slot, the second one for it.
-        let next = source.next().expect("one that is new").expect("a frame");
-        assert_eq!((next.index, meter.dropped()), (2, 2));
+        // One waited in the slot, the next one for it.
+        assert_eq!((next(), meter.dropped()), (3, 2));
+    }
+
+    #[test]
+    fn the_first_frame_is_not_dropped() {
+        for max_latency in [None, Some(Duration::from_millis(1))] {
+            let (mut source, meter) = newest(camera(9, 2), Pace { max_latency, ..Pace::default() }, || false);
+            sleep(Duration::from_millis(100));
+            let first = source.next().expect("it came").expect("a frame");
+            assert_eq!((first.index, meter.dropped()), (0, 8));
+        }
     }
 
     #[test]
