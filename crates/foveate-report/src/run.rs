@@ -113,7 +113,8 @@ pub fn run<'a>(
 ) -> (RunSummary, Result<()>) {
     let (remarks, warnings) = (source.remarks(), plan.warnings.clone());
     let (summary, detections, started) = (RunSummary::default(), vec![], HashSet::new());
-    let mut run = Run { tracker: tracker.into(), observer, plan, detections, started, summary };
+    let next = plan.from;
+    let mut run = Run { tracker: tracker.into(), observer, plan, detections, started, next, summary };
     let result = run.frames(source);
     run.summary.damaged = remarks.damaged();
     remarks.sentences().into_iter().for_each(|sentence| warnings.add(sentence));
@@ -128,6 +129,8 @@ struct Run<'t, 'o, 'p> {
     detections: Vec<Detection>,
     /// Ids of the started targets.
     started: HashSet<u64>,
+    /// The number after the last tracked frame's.
+    next: usize,
     summary: RunSummary,
 }
 
@@ -187,7 +190,7 @@ impl Run<'_, '_, '_> {
 
     /// Tracks in a frame, then calls the observer; decoding tiles and observing do not count as time in the tracker.
     fn track(&mut self, frame: &Frame) -> Result<()> {
-        let Run { tracker, observer, plan, detections, started, summary } = self;
+        let Run { tracker, observer, plan, detections, started, next, summary } = self;
         let began = Instant::now();
         let spent = |summary: &mut RunSummary, decoding: Duration| {
             let time = began.elapsed().saturating_sub(decoding);
@@ -197,14 +200,16 @@ impl Run<'_, '_, '_> {
                 summary.seconds.push(time.as_secs_f64());
             }
         };
-        let given = plan.given.iter().filter(|given| given.frame == frame.index);
+        // Boxes of dropped frames are used in the next one.
+        let due = std::mem::replace(next, frame.index + 1)..=frame.index;
+        let given = plan.given.iter().filter(|given| due.contains(&given.frame));
         match tracker {
             AnyTracker::One(tracker) => {
                 let tiles = plan.tiles.and_then(|tiles| tiles.frame(frame.index));
                 let picture = picture_of(frame, tiles.as_ref());
                 let first = plan.init.take();
                 tracker.set_time(frame.time);
-                let seen = match given.map(|given| given.bbox).next().or(first) {
+                let seen = match given.max_by_key(|given| given.frame).map(|given| given.bbox).or(first) {
                     Some(bbox) => {
                         tracker.init(picture, bbox)?;
                         let mut seen: Seen<'_> = Seen::given(picture.shape(), &bbox);

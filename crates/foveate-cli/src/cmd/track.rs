@@ -104,7 +104,7 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
     drop(source);
     counts.note();
     if result.is_ok() && !summary.stopped {
-        note_unused(&job, &subject, &summary, next_frame);
+        note_unused(&job, &subject, next_frame);
     }
     let tracked = is_tracked(&job, &summary, result.is_ok());
     let kept = keep(results, &failed, tracked, result.is_ok(), &summary);
@@ -127,8 +127,7 @@ fn is_tracked(job: &Job<'_>, summary: &RunSummary, well: bool) -> bool {
 }
 
 /// Reports boxes of frames that the video turned out not to have.
-fn note_unused(job: &Job<'_>, subject: &Subject, summary: &RunSummary, next_frame: usize) {
-    let end = if job.outputs.many { summary.frames } else { next_frame };
+fn note_unused(job: &Job<'_>, subject: &Subject, end: usize) {
     let late: Vec<usize> = job.given.iter().map(|given| given.frame).filter(|frame| *frame >= end).collect();
     let Subject::Many(_, detections, _) = subject else {
         for frame in late {

@@ -26,9 +26,9 @@ pub struct RunSummary {
     pub tracked: usize,
     /// One target: values read from the tracked frames, the sum of [`Seen::values`].
     pub values: usize,
-    /// One target: number of occluded frames.
+    /// Number of frames with an occluded target, and none lost.
     pub occluded: usize,
-    /// One target: number of lost frames.
+    /// Number of frames with a lost target.
     pub lost: usize,
     /// One target: number of frames with the box outside the picture.
     pub outside: usize,
@@ -84,5 +84,8 @@ impl RunSummary {
         self.initiated = started.len();
         self.reidentified += of(Phase::ReIdentified).count();
         self.most = self.most.max(targets.len());
+        let lost = targets.iter().any(Seen::is_lost);
+        self.lost += usize::from(lost);
+        self.occluded += usize::from(!lost && targets.iter().any(|target| target.status == Status::Occluded));
     }
 }

@@ -1,5 +1,6 @@
 use super::*;
 use foveate_base::files::Nowhere;
+use foveate_core::Status;
 use foveate_core::config::Config;
 use foveate_video::{ImageFolder, SourceInfo, save_png};
 
@@ -21,6 +22,23 @@ impl Iterator for Pipe {
 impl FrameSource for Pipe {
     fn info(&self) -> &SourceInfo {
         &self.info
+    }
+}
+
+/// A stream that drops frames 2 to 4.
+struct Dropping(Pipe);
+
+impl Iterator for Dropping {
+    type Item = Result<Frame>;
+    fn next(&mut self) -> Option<Self::Item> {
+        let index = self.0.come.find(|index| !(2..5).contains(index))?;
+        Some(Ok(Frame { index, time: 0.0, image: self.0.image.clone() }))
+    }
+}
+
+impl FrameSource for Dropping {
+    fn info(&self) -> &SourceInfo {
+        &self.0.info
     }
 }
 
@@ -64,4 +82,52 @@ fn a_target_that_is_given_again_is_counted_once() {
     let (summary, result) = run(&mut source, &mut tracker, &mut Numbers(vec![]), plan);
     result.expect("tracked");
     assert_eq!((summary.frames, summary.initiated), (6, 2));
+}
+
+#[test]
+fn boxes_of_dropped_frames_are_used_in_the_next_one() {
+    #[derive(Default)]
+    struct Given(Vec<(usize, BBox)>);
+    impl Observer for Given {
+        fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+            self.0.extend(targets.iter().filter(|seen| seen.is_given()).map(|seen| (frame.index, seen.bbox)));
+            Ok(())
+        }
+    }
+    let stream = || {
+        let info = SourceInfo { width: 96, height: 64, frames: None, rate: 30.0, reader: String::new() };
+        Dropping(Pipe { info, come: 0..8, image: picture() })
+    };
+    let [a, b, c] = [10.0, 20.0, 30.0].map(|x| BBox::new(x, 10.0, 20.0, 20.0));
+    let config = Config::builtin("natural-fast").expect("it ships").expect("it is right");
+    let mut tracker = config.check(&Nowhere).expect("it fits").tracker(1).expect("it fits");
+    let given = [(3, b), (4, c)].map(|(frame, bbox)| super::Given { frame, id: None, bbox });
+    let mut seen = Given::default();
+    let plan = RunPlan { init: Some(a), given: &given, ..RunPlan::default() };
+    run(&mut stream(), &mut tracker, &mut seen, plan).1.expect("tracked");
+    assert_eq!(seen.0, [(0, a), (5, c)]);
+    // Of many targets each starts.
+    let config = Config::builtin("multi").expect("it ships").expect("it is right");
+    let blueprint = Config { particles: 50, ..config }.check(&Nowhere).expect("it fits");
+    let mut tracker = blueprint.multi_tracker(1).expect("trackers");
+    let plan = RunPlan { given: &given, ..RunPlan::default() };
+    let (summary, result) = run(&mut stream(), &mut tracker, &mut Numbers(vec![]), plan);
+    result.expect("tracked");
+    assert_eq!((summary.frames, summary.initiated), (5, 2));
+}
+
+#[test]
+fn frames_with_a_lost_target_of_many_are_counted() {
+    let target = |status| {
+        let mut seen = Seen::given([96, 64, 1], &BBox::new(1.0, 1.0, 9.0, 9.0));
+        seen.status = status;
+        seen
+    };
+    let (well, hidden, lost) = (Status::Tracking, Status::Occluded, Status::Lost);
+    let mut summary = RunSummary::default();
+    for frame in [&[well, well][..], &[well, hidden], &[hidden, lost], &[lost]] {
+        let targets: Vec<_> = frame.iter().map(|status| target(*status)).collect();
+        summary.add_all(&targets, &mut HashSet::new());
+    }
+    assert_eq!((summary.occluded, summary.lost), (1, 2));
 }
