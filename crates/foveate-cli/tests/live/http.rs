@@ -142,6 +142,11 @@ fn a_finite_file_by_http_is_tracked_as_the_file_is() {
         assert!(found.1.iter().zip(&wanted.1).all(|(a, b)| (a - b).abs() < 1e-9), "{how:?} {name}: {:?}", found.1);
         assert!(!text(&output.stderr).contains("dropped"), "{how:?} {name}: {}", text(&output.stderr));
     }
+    // Its options are those of a file, too.
+    let later = &["--from", "20"];
+    track(dir.path(), "first.mp4", "later", &[&["--decoder", "ffmpeg"], &later[..]].concat());
+    track(dir.path(), &format!("{}/first.mp4", serve(dir.path(), Serves::Ranges)), "out", later);
+    assert_eq!(table(dir.path(), "out").0, table(dir.path(), "later").0);
     // A playlist that has ended.
     track(dir.path(), &format!("{}/list.m3u8", serve(dir.path(), Serves::Ranges)), "list", &[]);
     assert_eq!(boxes(dir.path(), "list"), boxes(dir.path(), "file-a.ts"));

@@ -66,7 +66,7 @@ pub(crate) fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -
     let first = input.selection().from;
     let unknown = || {
         let todo = "give --init x,y,w,h (left, top, width, height in pixels, counted from 1)";
-        let draw = match is_endless(source) {
+        let draw = match is_endless(source) || TileFolder::is_at(source) {
             true => String::new(),
             false => format!("draw one with `foveate pick {}`, or ", visible(&source.to_string_lossy())),
         };

@@ -76,14 +76,23 @@ impl<'a> Plan<'a> {
             None => Subject::One(Box::new(blueprint.tracker(seed)?)),
             Some(detector) => Subject::Many(Box::new(blueprint.multi_tracker(seed)?), Box::default(), detector),
         };
-        let opened = args.input.open(source)?;
+        let mut selection = args.input.selection();
+        let saved = match &args.load_state {
+            Some(path) => Some((path.as_path(), SavedState::read(path)?)),
+            None => None,
+        };
+        if let Some((_, saved)) = &saved {
+            // Every so many frames from the last tracked one on.
+            selection.from = saved.next_frame.saturating_sub(1) % selection.every;
+        }
+        let opened = args.input.open_selected(source, selection)?;
         let about = opened.source.info().clone();
         if opened.tiles.is_some() {
             check_reads_tiles(&blueprint, source, &name, many)?;
         }
         let mut info = run_info(&source.display().to_string(), &about, &name, &blueprint, seed);
         let (frames, init, given) = match &mut subject {
-            Subject::One(tracker) => begin((args, source), tracker, &about)?,
+            Subject::One(tracker) => begin((args, source), (tracker, saved), selection, &about)?,
             Subject::Many(tracker, detections, detector) => {
                 let frames = Frames::new(0, "the video begins", args.until, &about)?;
                 let given = given(args, source, &about)?;
@@ -198,14 +207,13 @@ impl Job<'_> {
 /// tracker and returns no first box.
 fn begin(
     (args, source): (&Args, &Path),
-    tracker: &mut Tracker,
+    (tracker, saved): (&mut Tracker, Option<(&Path, SavedState)>),
+    selection: Selection,
     about: &SourceInfo,
 ) -> Result<(Frames, Option<BBox>, Vec<Given>)> {
-    let selection = args.input.selection();
     let frames = |from: usize, start: &'static str| Frames::new(from, start, args.until, about);
-    let (frames, init) = match &args.load_state {
-        Some(path) => {
-            let saved = SavedState::read(path)?;
+    let (frames, init) = match saved {
+        Some((path, saved)) => {
             let frames = frames(saved.next_frame, "the saved state continues")?;
             tracker.load(&saved.tracker).map_err(of_file(path))?;
             saved.check_size(path, about)?;

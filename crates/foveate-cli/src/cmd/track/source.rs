@@ -153,11 +153,13 @@ impl SourceArgs {
 
     /// Opens a source.
     pub(crate) fn open(&self, path: &Path) -> Result<Opened> {
+        self.open_selected(path, self.selection())
+    }
+
+    /// Opens a source of these frames.
+    pub(super) fn open_selected(&self, path: &Path, selection: Selection) -> Result<Opened> {
         let (live, mut endless) = (is_live(path), is_endless(path));
         let wrong = |what: &str| Error::Invalid(format!("{}: {what}", path.display()));
-        if endless && self.from.is_some() {
-            return Err(wrong("--from is for files; leave it out"));
-        }
         if self.listen && !live {
             return Err(wrong("--listen is for rtsp:// and http://; leave it out"));
         }
@@ -194,10 +196,13 @@ impl SourceArgs {
         } else {
             (open_with(path, &self.options())?, None)
         };
+        if endless && self.from.is_some() {
+            return Err(wrong("--from is for files; leave it out"));
+        }
         let pace = Pace { every_frame: self.every_frame || (!live && max_latency.is_none()), max_latency };
         // Tiles are already scaled.
         let scale = if tiles.is_some() { 1.0 } else { self.scale };
-        let source = select(source, Selection { scale, ..self.selection() });
+        let source = select(source, Selection { scale, ..selection });
         self.check_from(source.info())?;
         Ok(Opened { source, endless, tiles, pace, reconnected })
     }
