@@ -60,4 +60,4 @@ pub use options::{Decoder, LiveOptions, Options, Pixels, Raw, Sandbox};
 pub use remarks::Remarks;
 pub use select::{Selection, select};
 pub use stack::TiffStack;
-pub use tiles::{TileFolder, TileFrames, Tiles, write_tiles};
+pub use tiles::{TileFolder, TileFrames, Tiles, write_tiles, write_times};

@@ -2,7 +2,8 @@
 //!
 //! One folder a frame, named by its number. In it one folder a level: `0` is the picture itself, `1` half its size,
 //! and so on. In that one PNG or JPEG file a tile, `COLUMN_ROW.png`, counted from 0. All tiles of a level have the
-//! size of the first, except those at the right and the bottom. [`write_tiles`] writes such a folder.
+//! size of the first, except those at the right and the bottom. [`write_tiles`] writes such a folder. `times.txt`, if it is there, has the
+//! time of each frame in seconds, one a line ([`write_times`]).
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -11,13 +12,16 @@ use std::time::{Duration, Instant};
 
 use crate::decode::decode_image;
 use crate::{Frame, FrameSource, SourceInfo, encode_png};
+use foveate_base::text::counted;
 use foveate_base::{Error, Result, files, memory};
 use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
 use foveate_core::scene::sensor::{Regions, Window};
 
-/// Frames a second of a folder, which has no rate.
+/// Frames a second of a folder without times.
 const RATE: f64 = 30.0;
+/// The file of times.
+const TIMES: &str = "times.txt";
 /// The most levels that are looked for.
 const LEVELS: usize = 16;
 
@@ -30,6 +34,8 @@ pub struct TileFolder {
     tiles: Vec<Size>,
     /// Number of times that its sides are halved for readers.
     halvings: usize,
+    /// Times of the frames, seconds.
+    times: Vec<f64>,
 }
 
 /// One picture, read tile by tile; a tile is decoded once.
@@ -74,7 +80,8 @@ impl TileFolder {
         while tiles.len() < LEVELS && file(first, tiles.len(), (0, 0)).is_some() {
             tiles.push(load(first, tiles.len(), (0, 0))?.size());
         }
-        Ok(Self { frames, shape, tiles, halvings: 0 })
+        let times = read_times(&path.join(TIMES), frames.len())?;
+        Ok(Self { frames, shape, tiles, halvings: 0, times })
     }
     /// The same frames with both sides halved so many times, at most 15: places are those of the smaller pictures, and no pixel
     /// smaller than theirs is read.
@@ -96,7 +103,10 @@ impl TileFolder {
     pub fn frames(&self) -> TileFrames {
         let [width, height, _] = self.served();
         let reader = format!("tiles of {} at {} resolutions", self.tiles[0], self.tiles.len());
-        TileFrames { next: 0, info: SourceInfo { width, height, frames: Some(self.len()), rate: RATE, reader } }
+        let span = self.times.last().zip(self.times.first()).map_or(0.0, |(last, first)| last - first);
+        let rate = if span > 0.0 { (self.len() - 1) as f64 / span } else { RATE };
+        let info = SourceInfo { width, height, frames: Some(self.len()), rate, reader };
+        TileFrames { next: 0, info, times: self.times.clone() }
     }
     /// How many frames it has.
     pub fn len(&self) -> usize {
@@ -117,6 +127,7 @@ impl TileFolder {
 pub struct TileFrames {
     next: usize,
     info: SourceInfo,
+    times: Vec<f64>,
 }
 
 impl Iterator for TileFrames {
@@ -128,7 +139,8 @@ impl Iterator for TileFrames {
             if index == 0 {
                 memory::check_picture(self.info.width, self.info.height)?;
             }
-            Ok(Frame { index, time: index as f64 / RATE, image: Image::grey(1, 1, 0) })
+            let time = self.times.get(index).copied().unwrap_or(index as f64 / RATE);
+            Ok(Frame { index, time, image: Image::grey(1, 1, 0) })
         })
     }
 }
@@ -221,6 +233,34 @@ fn load(frame: &Path, level: usize, at: (usize, usize)) -> Result<Image> {
     let path = file(frame, level, at).ok_or_else(missing)?;
     let bytes = files::read(&path, files::PICTURE)?;
     decode_image(&bytes).map_err(|problem| Error::malformed(&path, problem))
+}
+
+/// Reads the times of so many frames; none if there is no file.
+fn read_times(path: &Path, frames: usize) -> Result<Vec<f64>> {
+    if !path.exists() {
+        return Ok(vec![]);
+    }
+    let text = files::read_text(path, files::TEXT)?;
+    let wrong = |problem: String| Error::malformed(path, format!("{problem}; correct or remove it"));
+    let of = |(i, line): (usize, &str)| {
+        let time = line.trim().parse().ok().filter(|time: &f64| time.is_finite());
+        time.ok_or_else(|| wrong(format!("line {}: expected seconds, found {line:?}", i + 1)))
+    };
+    let times = text.lines().enumerate().map(of).collect::<Result<Vec<f64>>>()?;
+    if times.len() != frames {
+        return Err(wrong(format!("it has {} for {}", counted(times.len(), "time"), counted(frames, "frame"))));
+    }
+    Ok(times)
+}
+
+/// Writes the times of the frames of a folder of tiles, seconds.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_times(folder: impl AsRef<Path>, times: &[f64]) -> Result<()> {
+    let path = folder.as_ref().join(TIMES);
+    let text: String = times.iter().map(|time| format!("{time}\n")).collect();
+    files::put(&path, text.as_bytes()).map_err(Error::io(&path, "cannot write"))
 }
 
 /// Cuts a picture into tiles of this side, at so many levels, in a folder of its own.
@@ -340,6 +380,26 @@ mod tests {
     }
 
     /// A sum of white pixels that 32 bits do not hold.
+    #[test]
+    fn times_are_those_of_the_video() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        (0..3).for_each(|t| write_tiles(dir.path().join(format!("{t}")), &picture(9, 5), 8, 1).expect("written"));
+        let times = || {
+            let frames = TileFolder::open(dir.path())?.frames();
+            let rate = frames.info().rate;
+            Ok((frames.map(|frame| frame.expect("a frame").time).collect::<Vec<_>>(), rate))
+        };
+        assert_eq!(times().expect("none"), (vec![0.0, 1.0 / 30.0, 2.0 / 30.0], 30.0));
+        write_times(dir.path(), &[0.0, 0.1, 0.5]).expect("written");
+        assert_eq!(times().expect("written"), (vec![0.0, 0.1, 0.5], 4.0));
+        for (text, problem) in [("0\n0.1\n", "2 times for 3 frames"), ("0\nx\n1\n", "line 2"), ("0\n1\ninf", "line 3")]
+        {
+            std::fs::write(dir.path().join("times.txt"), text).expect("written");
+            let error: Error = times().expect_err("refused");
+            assert!(error.to_string().contains(problem), "{error}");
+        }
+    }
+
     #[test]
     fn a_large_bin_is_a_mean_too() {
         let dir = tempfile::tempdir().expect("a temporary folder");

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use foveate::text::counted;
-use foveate::video::{ahead_until, open_with, write_tiles};
+use foveate::video::{ahead_until, open_with, write_tiles, write_times};
 use foveate::{Error, Result, files};
 
 use super::track::init::Frames;
@@ -14,7 +14,8 @@ use crate::terminal;
 pub(crate) struct Args {
     /// Video file or folder of images
     source: PathBuf,
-    /// Output folder: FRAME/LEVEL/COLUMN_ROW.png; level 0 has full resolution, and each further level half of the previous one
+    /// Output folder: FRAME/LEVEL/COLUMN_ROW.png; level 0 has full resolution, and each further level half of the previous one. times.txt
+    /// has the times of the frames
     #[arg(long, short, value_name = "DIR")]
     out: PathBuf,
     /// Side of a tile in pixels
@@ -71,14 +72,15 @@ fn cut(args: &Args, folder: &Path) -> Result<usize> {
     let source = open_with(&args.source, &args.decoder.options())?;
     let span = Frames::new(0, "the video begins", args.until, source.info())?;
     let bar = terminal::progress(span.total(source.info()), "tiles");
-    let mut frames = 0;
+    let mut times = vec![];
     for frame in ahead_until(source, terminal::stopping).take(span.until.saturating_add(1)) {
         let frame = frame?;
         let name = format!("{:06}", frame.index + 1);
         write_tiles(folder.join(name), &frame.image, args.side as usize, args.levels.into())?;
-        frames += 1;
+        times.push(frame.time);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(frames)
+    write_times(folder, &times)?;
+    Ok(times.len())
 }

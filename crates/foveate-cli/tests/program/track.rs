@@ -81,6 +81,12 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
     let mut parts = place.boxes("one", &["video", "--until", "4", "--save-state", "s.json"]);
     parts.extend(place.boxes("two", &["video", "--load-state", "s.json"]));
     assert_eq!(parts, whole);
+    // Every second frame goes on from the last tracked one.
+    let whole = place.boxes("whole", &["video", "--every", "2", "--from", "2"]);
+    let mut parts =
+        place.boxes("one", &["video", "--every", "2", "--from", "2", "--until", "5", "--save-state", "e.json"]);
+    parts.extend(place.boxes("two", &["video", "--every", "2", "--load-state", "e.json"]));
+    assert_eq!(parts, whole);
     let text = String::from_utf8(place.read("s.json")).expect("text");
     for (bad, words) in [
         ("{}".into(), "not a state written by --save-state"),
@@ -353,7 +359,10 @@ fn a_video_in_tiles_is_read_by_regions() {
     let place = Place::new();
     let run = |args: &[&str]| place.run(args);
     assert!(run(&["tiles", "video", "--out", "tiles", "--side", "16", "--levels", "3"]).status.success());
-    assert_eq!(place.names("tiles").len(), FRAMES);
+    let mut names = place.names("tiles");
+    assert_eq!((names.pop().as_deref(), names.len()), (Some("times.txt"), FRAMES));
+    let times = String::from_utf8(place.read("tiles/times.txt")).expect("text");
+    assert_eq!(times.lines().count(), FRAMES);
     for (until, said) in [("0", "0 is not in 1.."), ("99", "--until 99: the video has 10 frames")] {
         let output = run(&["tiles", "video", "--out", "none", "--until", until]);
         assert!(!output.status.success() && errors(&output).contains(said), "{}", errors(&output));
