@@ -37,6 +37,8 @@ pub struct Stream {
     remarks: Remarks,
     line: String,
     many: bool,
+    /// Lines that are longer than a datagram.
+    unsent: u64,
 }
 
 foveate_base::opaque_debug!(Stream);
@@ -77,7 +79,7 @@ impl Stream {
     /// Creates an observer that writes lines to a writer and flushes it after each frame. `meter` belongs to a source that drops or times
     /// frames, `remarks` to the source.
     pub fn new(out: impl Write + Send + 'static, format: Format, meter: Option<Meter>, remarks: Remarks) -> Self {
-        Self { out: Box::new(out), format, meter, remarks, line: String::new(), many: false }
+        Self { out: Box::new(out), format, meter, remarks, line: String::new(), many: false, unsent: 0 }
     }
 
     /// Creates an observer that sends lines to an address (`HOST:PORT`), one datagram per frame, whether or not anyone receives them.
@@ -136,6 +138,10 @@ impl Stream {
     fn send(&mut self) -> Result<()> {
         let sent = self.out.write_all(self.line.as_bytes()).and_then(|()| self.out.flush());
         self.line.clear();
+        if sent.as_ref().is_err_and(|e| e.kind() == ErrorKind::FileTooLarge) {
+            self.unsent += 1;
+            return Ok(());
+        }
         sent.map_err(|e| match e.kind() {
             ErrorKind::BrokenPipe => Error::Invalid("--stream: the reader of standard output has gone".into()),
             _ => Error::Invalid(format!("--stream: cannot write: {e}")),
@@ -162,13 +168,29 @@ impl Observer for Stream {
         let (targets, damaged) = (targets.iter().map(of).collect(), self.remarks.damaged());
         self.json(&Many { frame: frame.index + 1, time: frame.time, targets, dropped, damaged, latency_ms })
     }
+
+    fn finish(&mut self) -> Result<()> {
+        match self.unsent {
+            0 => Ok(()),
+            n => Err(Error::Invalid(format!(
+                "--stream: {} longer than a datagram ({DATAGRAM} bytes) and not sent; track fewer targets, or give --stream json",
+                if n == 1 { "1 line was".into() } else { format!("{n} lines were") }
+            ))),
+        }
+    }
 }
+
+/// Most bytes of a datagram (IPv4).
+const DATAGRAM: usize = 65_507;
 
 /// Sends one datagram per write; datagrams without a receiver are lost.
 struct Datagrams(UdpSocket);
 
 impl Write for Datagrams {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if bytes.len() > DATAGRAM {
+            return Err(ErrorKind::FileTooLarge.into());
+        }
         let _ = self.0.send(bytes);
         Ok(bytes.len())
     }
@@ -249,6 +271,16 @@ mod tests {
         let mut bytes = [0; 500];
         let n = receiver.recv(&mut bytes).expect("a datagram");
         assert!(bytes[..n].starts_with(b"{\"frame\":7,") && bytes[n - 1] == b'\n');
+        stream.finish().expect("all were sent");
+        // A crowd in one line is longer than a datagram: the run goes on, and says so at its end.
+        let mut stream = stream.of_many();
+        let crowd = vec![Seen::given([40, 30, 1], &bbox); 1000];
+        stream.observe(&frame(), &crowd).expect("the run goes on");
+        stream.observe(&frame(), &crowd[..2]).expect("sent");
+        let n = receiver.recv(&mut bytes).expect("the next datagram");
+        assert!(n < 500 && bytes[n - 1] == b'\n');
+        let error = stream.finish().expect_err("a line was not sent").to_string();
+        assert!(error.contains("1 line was longer than a datagram"), "{error}");
         assert!(
             Stream::udp("nowhere", Format::Json, None, Remarks::default())
                 .expect_err("no port")
