@@ -34,7 +34,7 @@ async function open_(entry) {
   Object.assign(page, { video: { ...opened, name }, frame: 1, ends: opened.frames || Infinity, targets: [], target: 0, draft: null });
   layers.find(layer => layer.name === 'truth').holder.hidden = !opened.truth.some(Boolean);
   byId('title').textContent = name;
-  byId('about').textContent = `${opened.width} × ${opened.height}, ${opened.frames ? `${opened.exact ? '' : 'about '}${counted(opened.frames, 'frame')}` : 'length unknown'}, ${say(opened.rate, 0)} a second, ${opened.reader}`;
+  byId('about').textContent = `${opened.width} × ${opened.height}, ${opened.frames ? `${opened.exact ? '' : 'about '}${counted(opened.frames, 'frame')}` : 'length unknown'}, ${opened.rate ? `${say(opened.rate, 0)} a second, ` : ''}${opened.reader}`;
   arrange();
   setDraft(null);
   forgetSaved();

@@ -57,7 +57,7 @@ function forgetScene() {
 let plots = [];
 function drawMeasured() {
   const { answer, problem } = measuring, { fit, ask = [], notes = [] } = answer || {}, curve = byId('fit-curve').value;
-  byId('fps').placeholder = say(page.video.rate, 0);
+  byId('fps').placeholder = page.video.rate ? say(page.video.rate, 0) : '';
   byId('scale-now').textContent = answer?.unit === 'm' ? `${wordOf('length')} ${byId('length-unit').value} over ${say(rulerLength(), 1)} px, ± ${say(100 * answer.relative[0])} %` : 'no length yet: everything is in pixels';
   byId('axes-now').textContent = `origin: ${scene.origin ? `${scene.origin.map(v => say(v + 1)).join(', ')} px` : 'the first position'}; x points ${+byId('angle').value ? `${byId('angle').value}° upwards` : 'right'}, y ${+byId('angle').value ? '90° further' : 'up'}`;
   byId('measure-state').textContent = [problem, ...notes, answer?.summary].filter(Boolean).join(' ');

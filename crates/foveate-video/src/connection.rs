@@ -137,9 +137,8 @@ impl Connection {
             let problem = format!("expected a stream that ffmpeg reads; it reports: {reason}; {}", advice(&reason));
             return Err(Error::malformed(&live.shown, problem));
         };
-        let stated = live.pixels.as_ref().and_then(|pixels| pixels.head.rate);
-        let (width, height, rate) = (frame.image.width(), frame.image.height(), stated.unwrap_or(30.0));
-        live.info = SourceInfo { width, height, rate, ..live.info.clone() };
+        let Size { width, height } = frame.image.size();
+        live.info = SourceInfo { width, height, ..live.info.clone() };
         live.first = Some(frame);
         Ok(live)
     }

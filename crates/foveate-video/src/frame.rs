@@ -55,7 +55,7 @@ pub struct SourceInfo {
     pub height: usize,
     /// Number of frames, if known; that of a container is an estimate.
     pub frames: Option<usize>,
-    /// Frames a second.
+    /// Frames a second; 0 if it is unknown: a stream or a camera has only the times of its frames.
     pub rate: f64,
     /// How it is read, for people: "image folder", "H.264 (built-in decoder)", "ffmpeg".
     pub reader: String,

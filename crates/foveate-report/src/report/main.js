@@ -58,7 +58,7 @@ function write() {
     const last = rows - 1, { best, total, random, gazes } = data.regret;
     byId('verdict').append(` Of ${gazes} fixed gazes, (${say(best[0], 2)}, ${say(best[1], 2)}) has the largest reward: regret ${say(total[last])}, against ${say(random[last])} of a uniform random policy.`);
   }
-  const facts = [['Source', info.source], ['Read as', `${info.reader}, ${frameWidth} × ${frameHeight} px, ${say(data.rate)} frames/s`], ['Command', info.command], ['Configuration', info.config_name], ['Seed', String(info.seed)], ['Program', info.version]];
+  const facts = [['Source', info.source], ['Read as', `${info.reader}, ${frameWidth} × ${frameHeight} px${data.rate ? `, ${say(data.rate)} frames/s` : ''}`], ['Command', info.command], ['Configuration', info.config_name], ['Seed', String(info.seed)], ['Program', info.version]];
   if (keys.length < rows) facts.push(['This page', `shows ${keys.length} of ${counted(rows, 'frame')}, one in ${every}, to stay small; the charts have all of them`]);
   if (data.shown < data.particles) facts.push(['Particles', `${data.shown} of ${data.particles} are drawn, evenly picked, and always the heaviest one`]);
   for (const [term, text] of facts) if (text) byId('facts').append(element('dt', {}, term), element('dd', {}, text));
