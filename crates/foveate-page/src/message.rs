@@ -124,5 +124,10 @@ pub fn read<O: DeserializeOwned>(json: &[u8], own: &[&str]) -> Result<Asked<O>> 
         true => serde_json::from_value(value).map(Asked::Own),
         false => serde_json::from_value(value).map(Asked::Page),
     };
-    read.map_err(wrong)
+    read.map_err(|error| match error.to_string() {
+        text if text.starts_with("unknown variant") => {
+            Error::Invalid(format!("not a message: {text}, `{}`", own.join("`, `")))
+        }
+        _ => wrong(error),
+    })
 }

@@ -145,7 +145,7 @@ impl Tracks {
         let Setup { config, policy, seed, blueprint } = &tracking.setup;
         let seed = Some(*seed).filter(|seed| *seed != blueprint.config().seed);
         let mut line = command(video, &given, config, policy.as_deref(), seed);
-        if !tracking.ended() && tracking.last() > tracking.first() {
+        if !tracking.ended() {
             line += &format!(" --until {}", tracking.last() + 1);
         }
         Ok(line)

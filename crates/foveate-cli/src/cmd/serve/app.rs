@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use foveate::config::Config;
 use foveate::geometry::BBox;
 use foveate::report::run::check_box;
+use foveate::text::counted;
 use foveate::video::sandbox::decode_image_in;
 use foveate::video::{Options, decode_image};
 use foveate::{Error, Result};
@@ -205,6 +206,10 @@ impl App {
                 let Setup { config, policy, .. } = server.setup(config, policy, None)?;
                 let line = self.page.with(session, |s| {
                     check_box("the box", &bbox, &s.info)?;
+                    if let Some(n) = s.info.exact_frames().filter(|n| frame > *n) {
+                        let has = counted(n, "frame");
+                        return Err(Error::Invalid(format!("frame {frame}: the video has {has}; choose one of them")));
+                    }
                     Ok(command(&s.name, &[(frame - 1, bbox)], &config, policy.as_deref(), None))
                 })?;
                 if let Some(pick) = &server.pick {

@@ -130,6 +130,9 @@ impl Roots {
         found.sort_by(|a, b| {
             (a.kind == "video", a.name.to_lowercase()).cmp(&(b.kind == "video", b.name.to_lowercase()))
         });
+        if is_both(&place.real) {
+            found.insert(0, Entry { name: "the pictures of this folder".into(), path: name.into(), kind: "images" });
+        }
         found.truncate(MOST);
         Ok(found)
     }
@@ -138,9 +141,21 @@ impl Roots {
 /// Returns the kind of a place for the page; `None` if the page cannot show it.
 fn kind(path: &Path) -> Option<&'static str> {
     if path.is_dir() {
-        return Some(if image_files(path).is_ok() { "images" } else { "folder" });
+        return Some(if image_files(path).is_ok() && !is_both(path) { "images" } else { "folder" });
     }
     is_video(path).then_some("video")
+}
+
+/// Returns whether pictures lie in a folder beside other folders.
+fn is_both(path: &Path) -> bool {
+    let beside = |files: Vec<PathBuf>| files.first().is_some_and(|file| file.parent() == Some(path));
+    let folders = || {
+        let entries = std::fs::read_dir(path).into_iter().flatten().flatten().take(50 * MOST);
+        entries
+            .filter(|entry| !entry.file_name().as_encoded_bytes().starts_with(b"."))
+            .any(|entry| entry.path().is_dir())
+    };
+    image_files(path).is_ok_and(beside) && folders()
 }
 
 #[cfg(test)]
@@ -167,6 +182,15 @@ mod tests {
         let kinds: Vec<&str> = roots.list("").expect("roots").iter().map(|e| e.kind).collect();
         assert_eq!(kinds, ["folder", "video"]);
         assert!(roots.find("0/deep/b.MP4").is_ok() && roots.find("1").is_ok());
+        // A picture beside folders hides none of them.
+        std::fs::create_dir_all(at("both/clip")).expect("writable");
+        std::fs::write(at("both/plan.jpg"), "x").expect("writable");
+        std::fs::write(at("both/clip/1.jpg"), "x").expect("writable");
+        let both = Roots::new(&[at("both")]).expect("it is there");
+        assert_eq!(both.list("").expect("roots")[0].kind, "folder");
+        let entries = both.list("0").expect("a folder");
+        let entries: Vec<_> = entries.iter().map(|entry| (&*entry.path, entry.kind)).collect();
+        assert_eq!(entries, [("0", "images"), ("0/clip", "images")]);
         let absolute = format!("0/{}", at("out.mp4").display());
         for name in [
             "",
