@@ -63,8 +63,25 @@ const OF_A_VIDEO: [&str; 38] = [
     "format",
 ];
 
+/// Options of streams and of many targets, which a measurement refuses.
+const HIDDEN: [&str; 10] = [
+    "every_frame",
+    "max_latency",
+    "listen",
+    "reconnect",
+    "detect",
+    "detections",
+    "least",
+    "classes",
+    "inits",
+    "save_detections",
+];
+
 #[derive(clap::Args)]
-#[command(after_help = FILES, mut_arg("sources", |sources| sources.required(false).required_unless_present("track")))]
+#[command(after_help = FILES, mut_arg("sources", of_files), mut_args(|arg| match HIDDEN.contains(&arg.get_id().as_str()) {
+    true => arg.hide(true),
+    false => arg,
+}))]
 pub(crate) struct MeasureArgs {
     /// Measure an existing track.csv of `foveate track` instead of a video
     #[arg(long, value_name = "track.csv", conflicts_with_all = OF_A_VIDEO)]
@@ -106,6 +123,12 @@ pub(crate) struct MeasureArgs {
     lens: Option<PathBuf>,
     #[command(flatten)]
     run: track::Args,
+}
+
+/// Returns the argument of `foveate track` for files alone.
+fn of_files(sources: clap::Arg) -> clap::Arg {
+    let help = "Video file; folder of images or of tiles (foveate tiles)";
+    sources.required(false).required_unless_present("track").help(help)
 }
 
 pub(crate) fn run(args: MeasureArgs) -> Result<()> {
@@ -188,5 +211,13 @@ mod tests {
         for option in command.get_arguments().map(|option| option.get_id().as_str()) {
             assert!(OF_A_VIDEO.contains(&option) || ["out", "scale"].contains(&option), "{option}");
         }
+        let known = |name: &&str| command.get_arguments().any(|option| option.get_id() == *name);
+        assert!(
+            OF_A_VIDEO
+                .iter()
+                .chain(&HIDDEN)
+                .filter(|name| !["reference", "keyframes", "format"].contains(name))
+                .all(known)
+        );
     }
 }

@@ -83,9 +83,12 @@ impl Measured {
         many: bool,
         (blueprint, seed): (&Blueprint, u64),
     ) -> Result<Self> {
-        if many || opened.endless {
-            let problem =
-                "foveate measure needs points in a file, each with --init; for other targets use foveate track";
+        if opened.endless {
+            let problem = "foveate measure reads files; save the stream to one, and measure that";
+            return Err(Error::malformed(source, problem));
+        }
+        if many {
+            let problem = "foveate measure needs points, each with --init; for other targets use foveate track";
             return Err(Error::Invalid(problem.into()));
         }
         let about = opened.source.info();
