@@ -151,9 +151,9 @@ struct MultiArgs {
     /// Maximum angle from upright, degrees
     #[arg(long, value_name = "DEGREES", default_value_t = 90.0)]
     turn: f64,
-    /// Minimum number of times that one digit passes over another
-    #[arg(long, value_name = "N", default_value_t = 4)]
-    crossings: usize,
+    /// Minimum number of times that one digit passes over another. Default: 4; 0 for a single digit
+    #[arg(long, value_name = "N")]
+    crossings: Option<usize>,
     /// Number of static digits in the background
     #[arg(long, value_name = "N", default_value_t = 0)]
     clutter: usize,
@@ -221,6 +221,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
 fn many(args: &MultiArgs) -> Result<()> {
     let &MultiArgs { targets, scale, turn, crossings, clutter, noise, seed, frames, .. } = args;
     let ink = args.ink.into();
+    let crossings = crossings.unwrap_or(if targets == 1 { 0 } else { Multi::default().crossings });
     let settings = Multi { seed, targets, frames, scale, turn, crossings, clutter, noise, ink, ..Multi::default() };
     let (digits, from) = digits(args.data.as_deref(), args.seed)?;
     let video = settings.video(&digits)?;

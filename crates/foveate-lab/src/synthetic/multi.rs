@@ -16,6 +16,7 @@ use crate::synthetic::path::Path;
 use crate::synthetic::{DrawnFrames, Ink, check_scene, pick, wrong};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Rng, Streams};
+use foveate_base::text::counted;
 use foveate_core::geometry::{BBox, Extent, Size, State};
 use foveate_core::scene::Image;
 use foveate_video::mot::{TrackBox, Tracks};
@@ -140,8 +141,9 @@ impl Multi {
             }
         }
         wrong(format!(
-            "no paths of {} targets that start apart and cross {} times in {TRIES} tries; make the canvas or frames larger, or targets or crossings less",
-            self.targets, self.crossings
+            "no paths of {} that start apart and cross {} in {TRIES} tries; give more frames, or fewer targets or crossings",
+            counted(self.targets, "target"),
+            counted(self.crossings, "time")
         ))
     }
 
