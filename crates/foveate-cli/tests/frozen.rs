@@ -4,6 +4,7 @@
 //! `FOVEATE_WRITE_FROZEN=1` writes the digests in `tests/frozen/` anew, where a change of behaviour is wanted.
 #![allow(missing_docs)]
 
+use foveate::BBox;
 use foveate_testing::{data, need};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -169,4 +170,44 @@ fn real_video_gives_the_frozen_answers() {
     writeln!(lines, "{}", multi(folder, "mot", &["--detections", "mot/det.txt"])).expect("a string takes all");
     writeln!(lines, "{}", multi(folder, "mot", &["--detect", "motion"])).expect("a string takes all");
     compare(&lines, "real");
+}
+
+/// The table of an occlusion in docs/confidence.md is what its command gives.
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn the_page_on_confidence_shows_what_its_command_gives() {
+    need!(avx2());
+    let source = need!(data("tracking-wide/Woman"));
+    let numbers =
+        |line: &str| line.split([',', '\t']).map(|n| n.trim().parse().expect("a number")).collect::<Vec<f64>>();
+    let boxes = |path: &Path| -> Vec<BBox> {
+        let text = std::fs::read_to_string(path).expect("boxes");
+        let rows = text.lines().filter(|line| !line.trim().is_empty()).map(numbers);
+        rows.map(|b| BBox::counted_from_1(b[0], b[1], b[2], b[3])).collect()
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let video = source.to_str().expect("its name is text");
+    foveate(
+        folder.path(),
+        &["track", video, "--seed", "1", "--until", "161", "--no-video", "--no-report", "--out", "out"],
+    );
+    let (found, truth) = (boxes(&folder.path().join("out/boxes.txt")), boxes(&source.join("groundtruth_rect.txt")));
+    let table = std::fs::read_to_string(folder.path().join("out/track.csv")).expect("a table");
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let head = lines.next().expect("a head");
+    let at = ["p_lost", "status", "usable"].map(|name| head.iter().position(|it| *it == name).expect(name));
+    let rows: Vec<_> = lines.collect();
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/confidence.md"));
+    let page = page.expect("the page");
+    let (_, page) = page.split_once("### An occlusion in track.csv").expect("its heading");
+    let shown: Vec<&str> = page.lines().skip_while(|line| !line.starts_with("| --- ")).skip(1).collect();
+    let shown: Vec<&str> = shown.into_iter().take_while(|line| line.starts_with('|')).collect();
+    assert!(shown.len() >= 5, "{shown:?}");
+    for line in shown {
+        let frame: usize = line[1..].split('|').next().and_then(|n| n.trim().parse().ok()).expect("a frame");
+        let (row, iou) = (&rows[frame - 1], found[frame - 1].iou(&truth[frame - 1]));
+        let [p_lost, status, usable] = at.map(|k| row[k]);
+        let p_lost: f64 = p_lost.parse().expect("a number");
+        assert_eq!(format!("| {frame} | {p_lost:.2} | {status} | {usable} | {iou:.2} |"), line);
+    }
 }
