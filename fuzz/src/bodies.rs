@@ -253,7 +253,9 @@ pub(crate) fn positions(bytes: &[u8]) {
     let fits = vec![option("fit").and_then(|text| text.parse().ok()).unwrap_or(parabola)];
     let clock = option("fps").and_then(|text| text.parse().ok());
     let point = measure::Track { name: "fuzz".into(), positions };
-    if let Ok(measured) = measure::measure(&[point], None, &measure::Settings { axes, clock, fits, ..Default::default() }) {
+    if let Ok(measured) =
+        measure::measure(&[point], None, &measure::Settings { axes, clock, fits, ..Default::default() })
+    {
         measure::text(&measured);
         measure::tables(None, 1.0, &measured);
     }
