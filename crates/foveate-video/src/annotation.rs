@@ -76,21 +76,19 @@ pub const ABSENCE: &str = "absence.label";
 const LABELS: [&str; 3] = [ABSENCE, "full_occlusion.txt", "out_of_view.txt"];
 
 /// Removes the boxes of frames in which the target is absent according to the labels of GOT-10k or LaSOT in this
-/// folder, if any. Returns the number of removed boxes.
+/// folder, if any.
 ///
 /// Errors: a file cannot be read, a label is not a finite number, or there is not a label for each frame.
-pub fn hide_absent(truth: &mut [Option<BBox>], folder: &Path) -> Result<usize> {
-    let mut hidden = 0;
+pub fn hide_absent(truth: &mut [Option<BBox>], folder: &Path) -> Result<()> {
     for labels in LABELS.map(|name| folder.join(name)).iter().filter(|labels| labels.is_file()) {
         let absent = numbers(labels, &[','])?;
         if absent.len() != truth.len() {
             let problem = format!("expected a label for each of {} boxes, found {}", truth.len(), absent.len());
             return Err(Error::malformed(labels, problem));
         }
-        let there = truth.iter_mut().zip(absent).filter(|(bbox, absent)| bbox.is_some() && *absent != 0.0);
-        hidden += there.map(|(bbox, _)| *bbox = None).count();
+        truth.iter_mut().zip(absent).filter(|(_, absent)| *absent != 0.0).for_each(|(bbox, _)| *bbox = None);
     }
-    Ok(hidden)
+    Ok(())
 }
 
 /// The text of boxes: one line `x,y,w,h` each, 1-based.
