@@ -76,6 +76,11 @@ export class Tracker extends Base {
   init(picture: Picture, box: Box): void;
   /** Tracks the target into the next picture, which has the size and the colours of the first one. */
   update(picture: Picture): Result;
+  /**
+   * Sets the time of the next picture, seconds from any origin. If frames were dropped before it, the particles move for as many frames
+   * more, 30 at most; at a constant rate nothing changes.
+   */
+  setTime(seconds: number): void;
   /** Moves the target into this box, and keeps the learned appearance. */
   resetAt(box: Box): void;
 }

@@ -93,6 +93,10 @@ export class Tracker extends Base {
   static usual = 'balanced';
   init(picture, box) { this.show({ op: 'init', box: boxOf(box, 'the box') }, picture); }
   update(picture) { return this.show({ op: 'update', detections: [] }, picture).result; }
+  setTime(seconds) {
+    if (!Number.isFinite(seconds)) throw invalid(`the time is ${seconds}; give a finite number of seconds`);
+    this.call({ op: 'set_time', seconds }, NOTHING);
+  }
   resetAt(box) { this.call({ op: 'reset_at', box: boxOf(box, 'the box') }, NOTHING); }
 }
 

@@ -39,6 +39,6 @@ const make = (start, kind, names) => class {
 
 const BOTH = ['update', 'skip', 'save', 'load'];
 export const remote = start => ({
-  WorkerTracker: make(start, 'Tracker', [...BOTH, 'init', 'resetAt']),
+  WorkerTracker: make(start, 'Tracker', [...BOTH, 'init', 'setTime', 'resetAt']),
   WorkerMultiTracker: make(start, 'MultiTracker', [...BOTH, 'add', 'remove']),
 });

@@ -16,6 +16,7 @@ export class WorkerTracker extends Base {
   static create(configuration?: string, options?: Options): Promise<WorkerTracker>;
   init(picture: Picture, box: Box): Promise<void>;
   update(picture: Picture): Promise<Result>;
+  setTime(seconds: number): Promise<void>;
   resetAt(box: Box): Promise<void>;
 }
 

@@ -176,6 +176,10 @@ foveate_code foveate_tracker_update(struct foveate_tracker *tracker,
                                     const struct foveate_picture *picture,
                                     struct foveate_result *result);
 
+// Sets the time of the next picture, seconds from any origin. If frames were dropped before it, the particles move for as many frames
+// more, 30 at most; at a constant rate nothing changes.
+foveate_code foveate_tracker_set_time(struct foveate_tracker *tracker, double seconds);
+
 // Observes a picture without tracking: one before the first, or the last one before foveate_tracker_load.
 foveate_code foveate_tracker_skip(struct foveate_tracker *tracker, const struct foveate_picture *picture);
 

@@ -84,6 +84,7 @@ public:
         detail::check(foveate_tracker_update(handle_.get(), &picture, &result));
         return result;
     }
+    void set_time(double seconds) { detail::check(foveate_tracker_set_time(handle_.get(), seconds)); }
     void skip(const Picture &picture) { detail::check(foveate_tracker_skip(handle_.get(), &picture)); }
     std::string save() const {
         return detail::filled(std::string(), [this](char *buffer, std::size_t capacity, std::size_t *size) {

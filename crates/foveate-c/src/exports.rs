@@ -79,6 +79,21 @@ pub extern "C" fn foveate_tracker_update(
     })
 }
 
+/// Sets the time of the next picture, seconds from any origin. If frames were dropped before it, the particles move for as many frames
+/// more, 30 at most; at a constant rate nothing changes.
+#[unsafe(no_mangle)]
+pub extern "C" fn foveate_tracker_set_time(tracker: *mut FoveateTracker, seconds: f64) -> FoveateCode {
+    enter(|| {
+        if !seconds.is_finite() {
+            return Err(Failure::invalid(format!("seconds: expected a finite number, found {seconds}")));
+        }
+        with(tracker, |working: &mut Working<Tracker>| {
+            working.tracker.set_time(seconds);
+            Ok(())
+        })
+    })
+}
+
 /// Observes a picture without tracking: one before the first, or the last one before foveate_tracker_load.
 #[unsafe(no_mangle)]
 pub extern "C" fn foveate_tracker_skip(tracker: *mut FoveateTracker, picture: Option<&FoveatePicture>) -> FoveateCode {

@@ -43,6 +43,7 @@ fn in_c(rust: &str) -> String {
     match inside("Option<&").or(inside("*const ")) {
         Some(pointee) => format!("const {}*", named(pointee)),
         None if rust == "FoveateCode" => "foveate_code ".into(),
+        None if rust == "f64" => "double ".into(),
         None => named(rust),
     }
 }
@@ -76,7 +77,7 @@ fn it_declares_the_functions_with_their_types() {
             count += 1;
         }
     }
-    assert_eq!(count, 18 + 8 + 4 + 5, "functions and values");
+    assert_eq!(count, 19 + 8 + 4 + 5, "functions and values");
 }
 
 /// A C compiler finds the offsets and sizes of this build.

@@ -26,6 +26,8 @@ enum Call {
     Update { picture: Size, detections: Vec<([f64; 4], Option<f64>)> },
     /// Shows a picture without tracking.
     Skip { picture: Size },
+    /// Sets the time of the next picture.
+    SetTime { seconds: f64 },
     /// Moves the target into this box.
     ResetAt {
         #[serde(rename = "box", deserialize_with = "boxed")]
@@ -103,6 +105,10 @@ impl Package {
             }
             (Call::Skip { picture }, Kind::Many(tracker)) => {
                 tracker.skip(read(image, picture, bytes)?);
+                Ok(json!({}))
+            }
+            (Call::SetTime { seconds }, Kind::One(tracker)) => {
+                tracker.set_time(seconds);
                 Ok(json!({}))
             }
             (Call::ResetAt { bbox }, Kind::One(tracker)) => {
@@ -192,6 +198,7 @@ mod tests {
             let answer = ask(&mut package, &init, &vec![7; bytes]);
             assert_eq!(answer["error"].is_null(), good, "{bytes}: {answer}");
         }
+        assert_eq!(ask(&mut package, &json!({ "op": "set_time", "seconds": 0.5 }), &[]), json!({}));
         let add = json!({ "op": "add", "picture": [8, 6], "box": [1, 1, 4, 3], "id": null });
         assert_eq!(ask(&mut package, &add, &[0; 48])["code"], "invalid");
         let other = json!({ "op": "create", "many": true, "config": "natural\nkind = 1" });

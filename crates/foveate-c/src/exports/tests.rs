@@ -65,6 +65,46 @@ fn one_target_is_read_and_written_within_its_memory() {
     }
 }
 
+/// Times mean what they mean in Rust: where frames were dropped, the results are those of `Tracker::set_time`.
+#[test]
+fn a_gap_in_the_times_is_predicted_as_in_rust() {
+    let (pixels, stride) = bytes(1);
+    let picture = picture(&pixels, stride, FoveateFormat::Grey);
+    let image = picture.shape().and_then(|shape| shape.read(&pixels[1..], &mut None).cloned()).expect("a picture");
+    let times: Vec<f64> = (0..12).map(|t| f64::from(t) + if t < 11 { 0.0 } else { 7.0 }).collect();
+    let in_rust = |times: &[f64]| {
+        let mut tracker = Tracker::new(foveate::Config::named_or_parsed(TINY.to_str().expect("UTF-8")).expect("TOML"))
+            .expect("it fits");
+        tracker.set_time(times[0]);
+        tracker.init(&image, BOX.into()).expect("inside");
+        let mut last = None;
+        for &time in &times[1..] {
+            tracker.set_time(time);
+            last = Some(FoveateResult::of(&tracker.update(&image).expect("it has the size")));
+        }
+        last.expect("a result").covariance
+    };
+    let mut tracker = MaybeUninit::uninit();
+    ok(foveate_tracker_new(TINY.as_ptr(), Some(&mut tracker)));
+    // SAFETY: the call wrote it.
+    let tracker = unsafe { tracker.assume_init() };
+    ok(foveate_tracker_set_time(tracker, times[0]));
+    ok(foveate_tracker_init(tracker, Some(&picture), BOX));
+    let mut result = MaybeUninit::uninit();
+    for &time in &times[1..] {
+        ok(foveate_tracker_set_time(tracker, time));
+        ok(foveate_tracker_update(tracker, Some(&picture), Some(&mut result)));
+    }
+    // SAFETY: the call wrote it.
+    let result: FoveateResult = unsafe { result.assume_init() };
+    let even: Vec<f64> = (0..12).map(f64::from).collect();
+    assert_eq!(result.covariance, in_rust(&times));
+    assert_ne!(result.covariance, in_rust(&even), "the gap matters");
+    assert_eq!(foveate_tracker_set_time(tracker, f64::NAN), FoveateCode::Invalid);
+    ok(foveate_tracker_free(tracker));
+    assert_eq!(foveate_tracker_set_time(tracker, 1.0), FoveateCode::Handle);
+}
+
 #[test]
 fn many_targets_are_read_and_written_within_their_memory() {
     let (pixels, stride) = bytes(1);

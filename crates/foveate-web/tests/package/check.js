@@ -65,6 +65,7 @@ export async function misuse({ Tracker, MultiTracker, FoveateError }, { WorkerTr
   await attempt('picture with too few bytes', () => tracker.init(picture(64, 48, 64 * 48 * 4 - 1), good));
   await attempt('picture of gigabytes', () => tracker.init({ ...picture(1, 1), width: 65535, height: 65535 }, good));
   tracker.init(picture(64, 48), good);
+  await attempt('time of NaN', () => tracker.setTime(NaN));
   await attempt('another size', () => tracker.update(picture(48, 64)));
   await attempt('state of many', () => tracker.load(many.save()));
   tracker.init(picture(64, 48), good);
