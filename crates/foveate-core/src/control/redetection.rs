@@ -49,11 +49,15 @@ impl Redetection {
     pub fn settings(&self) -> &RedetectionSettings {
         &self.settings
     }
+    /// Forgets all places.
+    pub(crate) fn reset(&mut self) {
+        self.searches = 0;
+        self.candidates.resume([]);
+    }
     /// Whether to search in this frame. Clears the candidates if the target is not lost.
     pub fn is_due(&mut self, lost: bool, frame: u64) -> bool {
         if !lost {
-            self.searches = 0;
-            self.candidates.resume([]);
+            self.reset();
         }
         lost && self.settings.share > 0.0 && frame.is_multiple_of(self.settings.every)
     }

@@ -12,15 +12,17 @@ use crate::scene::moving_part::{moving_part, window};
 const FRAMES: u64 = 5;
 
 impl Engine {
-    /// In the first frames, compares the box of frame 1 with the picture `now`. If a part of the box moves as one, this tracker and the
-    /// second one take that part of frame 1 as the template and restart where it is, with its velocity. Call it before the step.
+    /// In the first frames, compares the box of frame 1 with the picture `now`, unless the target was moved to another box since. If a part
+    /// of the box moves as one, this tracker and the second one take that part of frame 1 as the template and restart where it is, with its
+    /// velocity. Call it before the step.
     pub(super) fn shrink_first_box(&mut self, now: &Image, second: Option<&mut Self>) {
         if !self.parts.extras.shrinks_first_box || self.frame >= FRAMES {
             return;
         }
         let (target, source) = (*self.target(), self.parts.appearance.template_source());
         // A tracker of many targets may have kept only a part of the picture.
-        let first = source.map(|it| it.image).filter(|it| target.share == 1.0 && it.shape() == now.shape());
+        let first =
+            source.map(|it| it.image).filter(|it| target.share == 1.0 && !target.moved && it.shape() == now.shape());
         let Some(first) = first else { return };
         let (first, bbox) = (first.clone(), target.state.bbox(target.extent));
         self.parts.extras.read = window(now, &bbox);
@@ -61,6 +63,23 @@ mod tests {
         let natural = Config::builtin("natural").expect("it ships").expect("it is valid");
         let config = settings.iter().fold(natural, |config, setting| config.set(setting).expect("a setting"));
         config.check(&Nowhere).expect("it fits").tracker(1).expect("it fits")
+    }
+
+    /// A box that is given while the first one is compared is kept: the target does not move as the part of the first box does.
+    #[test]
+    fn a_target_that_was_moved_keeps_its_box() {
+        let mut it = tracker(&["shrink_first_box=true"]);
+        let place = |t: i32| (60 + 4 * t, 100 - t);
+        it.init(&picture(220, place(0), (0, 0)), BBox::new(40.0, 80.0, 80.0, 80.0)).expect("a box");
+        it.update(&picture(220, place(1), (0, 0))).expect("a picture");
+        it.reset_at(BBox::new(120.0, 20.0, 80.0, 80.0)).expect("a target");
+        for t in 2..8 {
+            let saved = it.save();
+            it = tracker(&["shrink_first_box=true"]);
+            it.load(&saved).expect("its own state");
+            it.update(&picture(220, place(t), (0, 0))).expect("a picture");
+            assert!(it.save().to_string().contains("\"share\":1.0"), "frame {t}");
+        }
     }
 
     /// A box of twice the size of a moving target follows the target and keeps its size, also if the tracker is saved in between. Without

@@ -14,6 +14,9 @@ pub(crate) struct Target {
     pub unit: f64,
     /// The target's share of each side of the box that was drawn and is reported, above 0 to 1.
     pub share: f64,
+    /// Whether it was moved to a given box since the first one.
+    #[serde(default)]
+    pub moved: bool,
     /// The expected log-likelihoods on the target and elsewhere.
     pub reference: ReferenceLikelihood,
 }

@@ -23,12 +23,15 @@ impl Engine {
         self.frame = 0;
         self.set_template(image, &bbox, (0.0, 0.0))?;
         self.parts.gaze.policy.reset();
-        let (target, Parts { gaze, appearance, extras, .. }) = (*self.target(), &mut self.parts);
+        let (target, Parts { filter, gaze, appearance, extras, .. }) = (*self.target(), &mut self.parts);
         gaze.init_prior(image, &target, &mut **appearance);
         if let Some(it) = &mut extras.recognition {
             it.reset();
         }
         self.context = Context::default();
+        if let Some(search) = &mut filter.redetection {
+            search.reset();
+        }
         self.visibility.set_fraction(1.0);
         self.parts.monitor.reset();
         Ok(())
@@ -49,7 +52,7 @@ impl Engine {
         crate::start::check(image, bbox)?;
         let (state, extent) = (State { vx, vy, ..State::of(bbox) }, Extent::of(bbox));
         let reference = self.parts.appearance.init_template(image, &state, extent, self.streams);
-        self.target = Some(Target { state, extent, unit: extent.mean(), share: 1.0, reference });
+        self.target = Some(Target { state, extent, unit: extent.mean(), share: 1.0, moved: false, reference });
         self.parts.extras.init(image, &state, extent);
         self.init_surroundings(image, &state);
         self.parts.filter.proposal.size(extent.mean());
@@ -76,6 +79,7 @@ impl Engine {
         let state = self.state_at(bbox);
         let (half_w, half_h) = state.half(self.target().extent);
         self.restart(&state, Extent { half_w, half_h });
+        self.target.as_mut().expect("it has a state").moved = true;
     }
 
     /// Draws particles around this state, for a target of this half size, and sets P(lost) to 0 until the next frame.

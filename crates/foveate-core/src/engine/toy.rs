@@ -168,7 +168,7 @@ pub(crate) fn target(x: f64) -> BBox {
 }
 
 pub(super) fn given() -> Target {
-    Target { state: state(50.0), extent: EXTENT, unit: EXTENT.mean(), share: 1.0, reference: REFERENCE }
+    Target { state: state(50.0), extent: EXTENT, unit: EXTENT.mean(), share: 1.0, moved: false, reference: REFERENCE }
 }
 
 pub(crate) fn state(x: f64) -> State {
