@@ -139,6 +139,10 @@ fn tempered_ess(log_weights: &[f64], power: f64) -> f64 {
     if !most.is_finite() {
         return 1.0;
     }
+    // The weight of one particle says nothing.
+    if log_weights.len() == 1 {
+        return 0.0;
+    }
     let (mut sum, mut squares) = (0.0, 0.0);
     for w in log_weights.iter().map(|w| (power * (w - most)).exp()) {
         sum += w;
@@ -150,6 +154,18 @@ fn tempered_ess(log_weights: &[f64], power: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// One particle has all of the weight whatever the picture: it does not make a frame uninformative.
+    #[test]
+    fn one_particle_on_the_target_has_no_deficit() {
+        for n in [1, 2, 100] {
+            let mut monitor = ConsistencyMonitor::new(ConsistencySettings::default());
+            let log_weights: Vec<f64> = (0..n).map(|i| f64::from(i) * -30.0).collect();
+            let reference = ReferenceLikelihood { on: 0.0, off: -10.0 };
+            let last = (0..30).map(|_| monitor.judge(0.0, &log_weights, reference)).last().expect("frames");
+            assert!(last.holds && last.deficit < 0.1, "{n}: {last:?}");
+        }
+    }
 
     const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: -2.0, off: -12.0 };
 
