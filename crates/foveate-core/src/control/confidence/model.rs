@@ -203,6 +203,8 @@ impl ConfidenceModel {
     /// The count of a frame towards the end or the start of a search; 0 if it is between.
     pub(super) fn weight_of_frame(&self, searching: bool, p_lost: f64) -> f64 {
         match searching {
+            // From even odds on, no frame is surer than the threshold by some factor.
+            true if p_lost < self.leave && self.leave >= 0.5 => 1.0,
             true if p_lost < self.leave => {
                 (tracking_logit(p_lost) / tracking_logit(self.leave)).clamp(1.0, self.surest)
             }
@@ -240,6 +242,18 @@ fn tracking_logit(p: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A surer frame counts more towards the end of a search, up to `surest`; each counts once if the threshold is even odds or more.
+    #[test]
+    fn surer_frames_count_more() {
+        let weights = |leave: f64| {
+            let model = ConfidenceModel { enter: 0.9, leave, surest: 2.0, ..ConfidenceModel::default() };
+            [0.49, 0.1, 1e-9].map(|p_lost| model.weight_of_frame(true, p_lost))
+        };
+        let [_, sure, surest] = weights(0.3);
+        assert!(sure > 1.0 && surest == 2.0, "{sure}, {surest}");
+        assert_eq!([weights(0.5), weights(0.7)], [[1.0; 3]; 2]);
+    }
 
     #[test]
     fn weights_of_the_last_cues_may_be_left_out() {
