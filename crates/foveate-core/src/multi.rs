@@ -154,16 +154,12 @@ impl MultiTracker {
     /// none can start one beside another target.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the size of the picture differs from that of the first one (after [`MultiTracker::cut`] it may), or if a
+    /// [`Error::Invalid`] if size or planes of the picture differ from those of the first one (after [`MultiTracker::cut`] it may), or if a
     /// detection's box is not finite or has no width or height; nothing changes then. [`Error::Stopped`] if another thread has stopped the
     /// tracker: see [`MultiTracker::stopper`].
     pub fn update(&mut self, image: &Image, detections: &[Detection]) -> Result<&[Seen<'static>]> {
         let size = image.size();
-        if let Some(first) = self.size.filter(|first| *first != size) {
-            return Err(Error::Invalid(format!(
-                "the picture is {size}, those before it were {first}; give pictures of one size, or call cut between them"
-            )));
-        }
+        self.check_shape(image)?;
         detections.iter().enumerate().try_for_each(|(index, detection)| detection.check(index))?;
         if self.next >= saved::MOST_FRAMES {
             return Err(Error::Invalid(format!("a video has at most {} frames", saved::MOST_FRAMES)));
@@ -222,9 +218,11 @@ impl MultiTracker {
     /// the next free one.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture, or if the id is 2⁶³ or more.
+    /// [`Error::Invalid`] if the picture has another shape than those before, if the box is not finite, smaller than 2 × 2 pixels, or does
+    /// not touch the picture, or if the id is 2⁶³ or more.
     /// [`Error::Memory`] if another target exceeds the memory limit ([`foveate_base::memory`]).
     pub fn add(&mut self, image: &Image, id: Option<u64>, bbox: BBox) -> Result<u64> {
+        self.check_shape(image)?;
         crate::start::check(image, &bbox)?;
         if self.pool.stops() {
             return Err(Error::Stopped);

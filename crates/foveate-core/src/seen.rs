@@ -66,7 +66,7 @@ impl Phase {
 pub struct Seen<'a> {
     /// The number of the target: 1, 2, ... in order of initiation, or as given; 1 for a tracker of one target.
     pub id: u64,
-    /// The frame in which the target was first given or detected, from 0; 0 for a tracker of one target.
+    /// The picture in which the target was first given or detected, counted in updates from 0; 0 for a tracker of one target.
     pub born: usize,
     /// The phase in the life of the target.
     pub phase: Phase,

@@ -8,6 +8,7 @@ use super::{MOST_ID, MOST_REMEMBERED, MultiTracker, SAME, Work};
 use crate::geometry::{BBox, Size};
 use crate::scene::{Detection, Image};
 use crate::seen::Phase;
+use foveate_base::text::counted;
 use foveate_base::{Error, Result, memory};
 
 impl MultiTracker {
@@ -19,6 +20,24 @@ impl MultiTracker {
         let n = self.active.len() + self.terminated.len() + more;
         let bytes = self.room.with(n.saturating_sub(1), bbox, size);
         memory::check(format_args!("{n} targets"), bytes.saturating_add(memory::of_picture(size.width, size.height)))
+    }
+
+    /// Checks that a picture has the size and the planes of those before it, if there were any.
+    pub(super) fn check_shape(&self, image: &Image) -> Result<()> {
+        let ([.., planes], found) = (self.shape, image.planes());
+        // A saved state does not have the number of planes.
+        let known = |first: &Size| *first != image.size() || (!self.resumed && planes != found);
+        match self.size.filter(known) {
+            None => Ok(()),
+            Some(first) => {
+                let (size, of) = (image.size(), counted(found, "plane"));
+                let before = if first == size { counted(planes, "plane") } else { first.to_string() };
+                Err(Error::Invalid(format!(
+                    "the picture is {size} with {of}, those before it were {before}; give pictures of one size and format, or call cut \
+                     between them"
+                )))
+            }
+        }
     }
 
     /// Returns a flag that another thread may set to stop the tracker. An update in progress then ends with
@@ -36,7 +55,7 @@ impl MultiTracker {
 
     /// Keeps the ids up to this one for targets that are added with an id: those from detections, or added without one, get larger ids.
     pub fn reserve(&mut self, id: u64) {
-        self.next_id = self.next_id.max(id.saturating_add(1));
+        self.next_id = self.next_id.max(id.saturating_add(1).min(MOST_ID));
     }
 
     /// Ends the track of the target with this id permanently: it is not re-identified later, and its id is not used again. Returns whether
@@ -153,7 +172,8 @@ impl MultiTracker {
         if id >= MOST_ID {
             return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
         }
-        self.check_room(1, &bbox, image.size())?;
+        let again = self.terminated.iter().any(|t| t.track.id == id);
+        self.check_room(usize::from(!again), &bbox, image.size())?;
         let mut target = Target::new((self.make)(id), Target::unknown(id));
         target.track.bbox = bbox;
         self.next_id = self.next_id.max(id + 1);
@@ -187,6 +207,50 @@ mod tests {
         let mut it = MultiTracker::of(Origin::by_hand(1), settings, room, make, fresh);
         it.add(&picture(), None, target(50.0)).expect("a box in the picture");
         it
+    }
+
+    /// Pictures of one format: a template in grey does not fit pixels in colour.
+    #[test]
+    fn a_picture_of_other_planes_is_refused() {
+        let mut it = targets(Initiation::default());
+        let grey = picture();
+        let colour = Image::new(grey.width(), grey.height(), 3, [grey.plane(0); 3].concat()).expect("three planes");
+        it.update(&grey, &[]).expect("the first one");
+        for error in [it.update(&colour, &[]).map(drop), it.add(&colour, None, target(50.0)).map(drop)] {
+            let error = error.expect_err("another format").to_string();
+            assert!(error.contains("with 3 planes, those before it were 1 plane"), "{error}");
+        }
+        it.cut();
+        it.update(&colour, &[]).expect("another video");
+    }
+
+    /// A target that is added after a state was restored is as old as one that is added without that.
+    #[test]
+    fn a_target_is_born_in_the_frame_of_the_last_picture() {
+        for cut in [false, true] {
+            let mut it = targets(Initiation::default());
+            it.remove(1);
+            (0..3).for_each(|_| it.update(&picture(), &[]).map(drop).expect("a picture"));
+            if cut {
+                it.cut();
+            }
+            let mut other = targets(Initiation::default());
+            other.load(&it.save()).expect("its state");
+            let born = |mut it: MultiTracker| {
+                let id = it.add(&picture(), None, target(80.0)).expect("a box in the picture");
+                it.target(id).expect("it is active").born
+            };
+            assert_eq!(born(other), born(it), "{cut}");
+        }
+    }
+
+    /// Reserved ids leave a state that can be restored.
+    #[test]
+    fn the_largest_id_can_be_reserved() {
+        let mut it = targets(Initiation::default());
+        it.remove(1);
+        it.reserve(u64::MAX);
+        targets(Initiation::default()).load(&it.save()).expect("its state");
     }
 
     /// Beside an active target (IoU above `overlap`) only a strong detection starts a track, and at its place (IoU above 0.6) none does.

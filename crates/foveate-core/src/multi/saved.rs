@@ -119,7 +119,9 @@ impl MultiTracker {
         let read = |targets: Vec<SavedTarget>| targets.into_iter().map(|t| t.read(self)).collect::<Result<Vec<_>>>();
         (self.active, self.terminated) = (read(active)?, read(terminated)?);
         own.put(self);
-        (self.frame, self.resumed) = (self.next, true);
+        // After a cut there is no size, and the last frame counts as the next one.
+        self.frame = self.next.saturating_sub(usize::from(self.size.is_some()));
+        self.resumed = true;
         (self.preprocessor, self.full, self.shape) = ((self.fresh)(), false, [size.width, size.height, 1]);
         self.publish();
         Ok(())
