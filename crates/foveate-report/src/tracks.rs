@@ -61,6 +61,8 @@ pub(super) fn mot_line(text: &mut String, frame: &Frame, id: u64, b: &BBox, conf
 #[derive(Debug)]
 pub struct TracksTable {
     file: Csv,
+    /// The number of each target's first frame, which a tracker does not know if frames were dropped.
+    first: BTreeMap<u64, usize>,
 }
 
 impl TracksTable {
@@ -69,19 +71,21 @@ impl TracksTable {
     /// # Errors
     /// Its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
-        Ok(Self { file: Csv::create(path, TRACKS)? })
+        Ok(Self { file: Csv::create(path, TRACKS)?, first: BTreeMap::new() })
     }
 
     /// Writes the table to `file`; the header comes with the first row.
     pub fn to(file: Sink) -> Self {
-        Self { file: Csv::to(file, TRACKS) }
+        Self { file: Csv::to(file, TRACKS), first: BTreeMap::new() }
     }
 }
 
 impl Observer for TracksTable {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
-        self.file.write(|row| {
+        let Self { file, first } = self;
+        file.write(|row| {
             for target in targets {
+                let first = *first.entry(target.id).or_insert(frame.index + 1);
                 let (b, c) = (target.bbox, &target.covariance);
                 row.put(frame.index + 1);
                 row.put(frame.time);
@@ -101,7 +105,7 @@ impl Observer for TracksTable {
                 put_number(row, target.detection_index);
                 put_number(row, target.detected_class);
                 row.put_all(&[target.gaze.u, target.gaze.v]);
-                row.put(target.born + 1);
+                row.put(first);
                 put_class(row, target.class);
                 row.end();
             }

@@ -146,6 +146,10 @@ fn files_of_many_targets_have_the_columns_of_the_dictionary() {
     check(&tracks, TRACKS);
     let said: Vec<&str> = tracks.lines().skip(1).filter_map(|line| line.split(',').nth(3)).collect();
     assert_eq!(said, ["initiated", "tracked", "initiated", "occluded", "lost", "initiated", "re-identified"]);
+    let at = TRACKS.iter().position(|column| column.name == "first_frame").expect("a column");
+    let first = |line: &str| line.split(',').nth(at).map(str::to_owned);
+    let first: Vec<_> = tracks.lines().skip(1).filter_map(first).collect();
+    assert_eq!(first, ["1", "1", "2", "1", "1", "2", "1"], "a tracker counts pictures, a table frames");
     let at = TRACKS.iter().position(|column| column.name == "detected").expect("a column");
     let said = |line: &str| line.split(',').skip(at).take(3).collect::<Vec<_>>().join(",");
     let of_first: Vec<String> = tracks.lines().filter(|line| line.split(',').nth(2) == Some("1")).map(said).collect();
