@@ -140,8 +140,8 @@ fn measure_point(
     };
     let given = usual(track);
     let given_reference = reference.map_or([0.0; 3], usual);
-    // Relative to the reference, which stays at its first position.
-    let start = reference.map(|other| other[first].centre);
+    // Relative to the reference, which stays at its first position: the same one for all points.
+    let start = reference.and_then(|other| other.iter().find(|position| position.usable)).map(|first| first.centre);
     let place = |k: usize| {
         let (mut centre, mut covariance) = (track[k].centre, track[k].covariance.unwrap_or(given));
         if let (Some(other), Some(start)) = (reference, start) {
