@@ -26,6 +26,10 @@ impl Crossings {
     /// Counts the crossings in the truth and their outcomes in the results. A target has a track if their IoU is at
     /// least 0.5.
     pub fn of(truth: &Tracks, results: &Tracks) -> Self {
+        // Boxes that do not count, as for the other scores.
+        let mut truth = truth.clone();
+        truth.sightings.retain(|s| s.confidence.trunc() != 0.0);
+        let truth = &truth;
         let (truth_at, found_at) = (by_frame(truth), by_frame(results));
         let frames = truth.frames();
         let tracks = |target: i64, frame: usize| -> Vec<i64> {
@@ -111,6 +115,10 @@ mod tests {
         assert_eq!(Crossings::of(&truth, &renamed), Crossings { all: 1, preserved: 0, swapped: 0 });
         let both = Crossings::pooled([Crossings::of(&truth, &right), Crossings::of(&truth, &swapped)].iter());
         assert_eq!((both.share_preserved(), both.share_swapped()), (0.5, 0.5));
+        // A box that does not count crosses none.
+        let mut ignored = truth.clone();
+        ignored.sightings.iter_mut().filter(|s| s.id == 2).for_each(|s| s.confidence = 0.0);
+        assert_eq!(Crossings::of(&ignored, &right), Crossings::default());
         assert_eq!(Crossings::of(&Tracks::default(), &right).share_preserved(), 0.0);
     }
 }
