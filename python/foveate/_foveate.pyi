@@ -357,6 +357,7 @@ class MultiTracker:
     def channels(self) -> _Channels:
         """The order of a colour picture's bytes."""
     def __reduce__(self) -> tuple[Any, ...]: ...
+    def __setstate__(self, names: dict[int, str]) -> None: ...
 
 @final
 class Video:

@@ -161,7 +161,13 @@ impl PyMultiTracker {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let (py, this) = (slf.py(), slf.get());
-        this.held.pickled(py, "_restore_multi", this.save(py)?)
+        let pickled = this.held.pickled(py, "_restore_multi", this.save(py)?)?;
+        let names = this.names.bind(py).copy()?;
+        PyTuple::new(py, [pickled.get_item(0)?, pickled.get_item(1)?, names.into_any()])
+    }
+
+    fn __setstate__(&self, py: Python<'_>, names: &Bound<'_, PyDict>) -> PyResult<()> {
+        self.names.bind(py).update(names.as_mapping())
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
