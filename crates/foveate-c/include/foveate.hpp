@@ -85,6 +85,17 @@ public:
         return result;
     }
     void set_time(double seconds) { detail::check(foveate_tracker_set_time(handle_.get(), seconds)); }
+    Result predict(double frames) const {
+        Result result{};
+        detail::check(foveate_tracker_predict(handle_.get(), frames, &result));
+        return result;
+    }
+    Result predict_at(double seconds) const {
+        Result result{};
+        detail::check(foveate_tracker_predict_at(handle_.get(), seconds, &result));
+        return result;
+    }
+    void reset_at(const Box &box) { detail::check(foveate_tracker_reset_at(handle_.get(), box)); }
     void skip(const Picture &picture) { detail::check(foveate_tracker_skip(handle_.get(), &picture)); }
     std::string save() const {
         return detail::filled(std::string(), [this](char *buffer, std::size_t capacity, std::size_t *size) {

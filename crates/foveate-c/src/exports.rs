@@ -7,7 +7,7 @@ use std::mem::MaybeUninit;
 use std::ptr::null_mut;
 use std::slice;
 
-use foveate::{Image, MultiTracker, Tracker};
+use foveate::{Image, MultiTracker, Seen, Tracker};
 
 use crate::errors::{Failure, FoveateCode, enter, last};
 use crate::handles::{self, Follows, Working, with};
@@ -92,6 +92,34 @@ pub extern "C" fn foveate_tracker_set_time(tracker: *mut FoveateTracker, seconds
             Ok(())
         })
     })
+}
+
+/// Predicts the target `frames` frames after the last picture, 0 to 1000000 and with fractions, from its motion: to aim a camera or an arm.
+/// Status and P(lost) are those of the last picture. The tracker does not change. It fails before the first picture and after a load.
+#[unsafe(no_mangle)]
+pub extern "C" fn foveate_tracker_predict(
+    tracker: *const FoveateTracker,
+    frames: f64,
+    result: Option<&mut MaybeUninit<FoveateResult>>,
+) -> FoveateCode {
+    enter(|| predict(tracker, result, |t| t.predict(frames)))
+}
+
+/// Predicts as foveate_tracker_predict, for a time on the clock of foveate_tracker_set_time.
+#[unsafe(no_mangle)]
+pub extern "C" fn foveate_tracker_predict_at(
+    tracker: *const FoveateTracker,
+    seconds: f64,
+    result: Option<&mut MaybeUninit<FoveateResult>>,
+) -> FoveateCode {
+    enter(|| predict(tracker, result, |t| t.predict_at(seconds)))
+}
+
+/// Moves the target into this box: draws particles around it, and sets P(lost) to 0 until the next picture. The template and what was
+/// learned do not change.
+#[unsafe(no_mangle)]
+pub extern "C" fn foveate_tracker_reset_at(tracker: *mut FoveateTracker, bbox: FoveateBox) -> FoveateCode {
+    enter(|| with(tracker, |working: &mut Working<Tracker>| Ok(working.tracker.reset_at(bbox.into())?)))
 }
 
 /// Observes a picture without tracking: one before the first, or the last one before foveate_tracker_load.
@@ -265,6 +293,18 @@ fn show<T: Follows, H>(
         // SAFETY: the header demands the bytes of all rows.
         let bytes = unsafe { given(picture.pixels, shape.bytes, "picture.pixels") }?;
         act(tracker, shape.read(bytes, image)?)
+    })
+}
+
+fn predict(
+    tracker: *const FoveateTracker,
+    result: Option<&mut MaybeUninit<FoveateResult>>,
+    act: impl FnOnce(&Tracker) -> foveate::Result<Seen<'static>>,
+) -> Result<(), Failure> {
+    let result = result.ok_or_else(|| Failure::null("result"))?;
+    with(tracker, |working: &mut Working<Tracker>| {
+        result.write(FoveateResult::of(&act(&working.tracker)?));
+        Ok(())
     })
 }
 

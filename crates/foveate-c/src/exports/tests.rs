@@ -65,42 +65,58 @@ fn one_target_is_read_and_written_within_its_memory() {
     }
 }
 
-/// Times mean what they mean in Rust: where frames were dropped, the results are those of `Tracker::set_time`.
+/// Times, predictions and a box by hand mean what they mean in Rust, bit for bit.
 #[test]
-fn a_gap_in_the_times_is_predicted_as_in_rust() {
+fn gaps_predictions_and_moves_are_those_of_rust() {
     let (pixels, stride) = bytes(1);
     let picture = picture(&pixels, stride, FoveateFormat::Grey);
     let image = picture.shape().and_then(|shape| shape.read(&pixels[1..], &mut None).cloned()).expect("a picture");
-    let times: Vec<f64> = (0..12).map(|t| f64::from(t) + if t < 11 { 0.0 } else { 7.0 }).collect();
-    let in_rust = |times: &[f64]| {
-        let mut tracker = Tracker::new(foveate::Config::named_or_parsed(TINY.to_str().expect("UTF-8")).expect("TOML"))
-            .expect("it fits");
-        tracker.set_time(times[0]);
+    let config = foveate::Config::named_or_parsed(TINY.to_str().expect("UTF-8")).expect("TOML");
+    let time = |t: i32| f64::from(t) + if t < 11 { 0.0 } else { 7.0 };
+    let in_rust = |time: &dyn Fn(i32) -> f64| {
+        let mut tracker = Tracker::new(config.clone()).expect("it fits");
+        tracker.set_time(time(0));
         tracker.init(&image, BOX.into()).expect("inside");
-        let mut last = None;
-        for &time in &times[1..] {
-            tracker.set_time(time);
-            last = Some(FoveateResult::of(&tracker.update(&image).expect("it has the size")));
+        for t in 1..12 {
+            tracker.set_time(time(t));
+            tracker.update(&image).expect("it has the size");
         }
-        last.expect("a result").covariance
+        let mut all = vec![tracker.predict(2.5).expect("a result"), tracker.predict_at(time(11) + 2.0).expect("times")];
+        tracker.reset_at(BOX.into()).expect("a target");
+        all.push(tracker.update(&image).expect("it has the size").without_views());
+        all.iter().map(|seen| FoveateResult::of(seen).covariance).collect::<Vec<_>>()
     };
     let mut tracker = MaybeUninit::uninit();
     ok(foveate_tracker_new(TINY.as_ptr(), Some(&mut tracker)));
     // SAFETY: the call wrote it.
     let tracker = unsafe { tracker.assume_init() };
-    ok(foveate_tracker_set_time(tracker, times[0]));
-    ok(foveate_tracker_init(tracker, Some(&picture), BOX));
     let mut result = MaybeUninit::uninit();
-    for &time in &times[1..] {
-        ok(foveate_tracker_set_time(tracker, time));
+    ok(foveate_tracker_set_time(tracker, time(0)));
+    ok(foveate_tracker_init(tracker, Some(&picture), BOX));
+    for t in 1..12 {
+        ok(foveate_tracker_set_time(tracker, time(t)));
         ok(foveate_tracker_update(tracker, Some(&picture), Some(&mut result)));
     }
-    // SAFETY: the call wrote it.
-    let result: FoveateResult = unsafe { result.assume_init() };
-    let even: Vec<f64> = (0..12).map(f64::from).collect();
-    assert_eq!(result.covariance, in_rust(&times));
-    assert_ne!(result.covariance, in_rust(&even), "the gap matters");
-    assert_eq!(foveate_tracker_set_time(tracker, f64::NAN), FoveateCode::Invalid);
+    let mut all = vec![];
+    // SAFETY: each call before it wrote the result.
+    let mut keep = |result: &MaybeUninit<FoveateResult>| all.push(unsafe { result.assume_init_ref() }.covariance);
+    ok(foveate_tracker_predict(tracker, 2.5, Some(&mut result)));
+    keep(&result);
+    ok(foveate_tracker_predict_at(tracker, time(11) + 2.0, Some(&mut result)));
+    keep(&result);
+    ok(foveate_tracker_reset_at(tracker, BOX));
+    ok(foveate_tracker_update(tracker, Some(&picture), Some(&mut result)));
+    keep(&result);
+    assert_eq!(all, in_rust(&time));
+    assert_ne!(all, in_rust(&|t| f64::from(t)), "the gap matters");
+    for code in [
+        foveate_tracker_set_time(tracker, f64::NAN),
+        foveate_tracker_predict(tracker, -1.0, Some(&mut result)),
+        foveate_tracker_predict_at(tracker, f64::NAN, Some(&mut result)),
+        foveate_tracker_reset_at(tracker, FoveateBox { width: f64::NAN, ..BOX }),
+    ] {
+        assert_eq!(code, FoveateCode::Invalid);
+    }
     ok(foveate_tracker_free(tracker));
     assert_eq!(foveate_tracker_set_time(tracker, 1.0), FoveateCode::Handle);
 }
@@ -151,6 +167,8 @@ fn null_is_refused_by_every_function() {
         foveate_tracker_init(one, None, BOX),
         foveate_tracker_update(one, Some(&good), None),
         foveate_tracker_update(one, None, Some(&mut result)),
+        foveate_tracker_predict(one, 1.0, None),
+        foveate_tracker_predict_at(one, 1.0, None),
         foveate_tracker_skip(one, None),
         foveate_tracker_save(one, null_mut(), 1, Some(&mut size)),
         foveate_tracker_save(one, null_mut(), 0, None),
@@ -167,6 +185,10 @@ fn null_is_refused_by_every_function() {
     }
     for code in [
         foveate_tracker_init(one, Some(&good), BOX),
+        foveate_tracker_set_time(one, 1.0),
+        foveate_tracker_predict(one, 1.0, Some(&mut result)),
+        foveate_tracker_predict_at(one, 1.0, Some(&mut result)),
+        foveate_tracker_reset_at(one, BOX),
         foveate_tracker_save(one, null_mut(), 0, Some(&mut size)),
         foveate_multi_skip(many, Some(&good)),
         foveate_multi_save(many, null_mut(), 0, Some(&mut size)),

@@ -39,7 +39,10 @@ int main(int argc, char **argv) try {
                 tracker.init(picture, boxes.at(0));
                 continue;
             }
-            print(frame, tracker.update(picture));
+            tracker.set_time(frame / 25.0); // At a constant rate times change nothing.
+            const foveate::Result result = tracker.update(picture);
+            print(frame, result);
+            if (tracker.predict(1.5).p_lost != result.p_lost) throw std::runtime_error("a prediction has another P(lost)");
             if (frame == number(8)) {
                 foveate::Tracker other(argv[2]);
                 other.skip(picture);
