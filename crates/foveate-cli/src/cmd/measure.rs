@@ -64,7 +64,7 @@ const OF_A_VIDEO: [&str; 38] = [
 ];
 
 /// Options of streams and of many targets, which a measurement refuses.
-const HIDDEN: [&str; 10] = [
+const HIDDEN: [&str; 11] = [
     "every_frame",
     "max_latency",
     "listen",
@@ -73,6 +73,7 @@ const HIDDEN: [&str; 10] = [
     "detections",
     "least",
     "classes",
+    "layout",
     "inits",
     "save_detections",
 ];
