@@ -178,7 +178,8 @@ foveate_code foveate_tracker_update(struct foveate_tracker *tracker,
 
 // Sets the time of the next picture, seconds from any origin. If frames were dropped before it, the particles move for as many frames
 // more, 30 at most; at a constant rate nothing changes.
-foveate_code foveate_tracker_set_time(struct foveate_tracker *tracker, double seconds);
+foveate_code foveate_tracker_set_time(struct foveate_tracker *tracker,
+                                      double seconds);
 
 // Predicts the target `frames` frames after the last picture, 0 to 1000000 and with fractions, from its motion: to aim a camera or an arm.
 // Status and P(lost) are those of the last picture. The tracker does not change. It fails before the first picture and after a load.
@@ -193,7 +194,8 @@ foveate_code foveate_tracker_predict_at(const struct foveate_tracker *tracker,
 
 // Moves the target into this box: draws particles around it, and sets P(lost) to 0 until the next picture. The template and what was
 // learned do not change.
-foveate_code foveate_tracker_reset_at(struct foveate_tracker *tracker, struct foveate_box bbox);
+foveate_code foveate_tracker_reset_at(struct foveate_tracker *tracker,
+                                      struct foveate_box bbox);
 
 // Observes a picture without tracking: one before the first, or the last one before foveate_tracker_load.
 foveate_code foveate_tracker_skip(struct foveate_tracker *tracker, const struct foveate_picture *picture);
