@@ -37,7 +37,9 @@ pub struct Stream {
     remarks: Remarks,
     line: String,
     many: bool,
-    /// Lines that are longer than a datagram.
+    /// Most bytes of a line.
+    most: usize,
+    /// Lines that are longer.
     unsent: u64,
 }
 
@@ -79,7 +81,16 @@ impl Stream {
     /// Creates an observer that writes lines to a writer and flushes it after each frame. `meter` belongs to a source that drops or times
     /// frames, `remarks` to the source.
     pub fn new(out: impl Write + Send + 'static, format: Format, meter: Option<Meter>, remarks: Remarks) -> Self {
-        Self { out: Box::new(out), format, meter, remarks, line: String::new(), many: false, unsent: 0 }
+        Self {
+            out: Box::new(out),
+            format,
+            meter,
+            remarks,
+            line: String::new(),
+            many: false,
+            most: usize::MAX,
+            unsent: 0,
+        }
     }
 
     /// Creates an observer that sends lines to an address (`HOST:PORT`), one datagram per frame, whether or not anyone receives them.
@@ -93,7 +104,7 @@ impl Stream {
         // Bind to the same address family.
         let socket = UdpSocket::bind("0.0.0.0:0").and_then(|s| s.connect(address).map(|()| s));
         let socket = socket.or_else(|_| UdpSocket::bind("[::]:0").and_then(|s| s.connect(address).map(|()| s)));
-        Ok(Self::new(Datagrams(socket.map_err(wrong)?), format, meter, remarks))
+        Ok(Self { most: DATAGRAM, ..Self::new(Datagrams(socket.map_err(wrong)?), format, meter, remarks) })
     }
 
     /// Returns the observer for a run with many targets.
@@ -136,12 +147,13 @@ impl Stream {
     }
 
     fn send(&mut self) -> Result<()> {
-        let sent = self.out.write_all(self.line.as_bytes()).and_then(|()| self.out.flush());
-        self.line.clear();
-        if sent.as_ref().is_err_and(|e| e.kind() == ErrorKind::FileTooLarge) {
+        if self.line.len() > self.most {
             self.unsent += 1;
+            self.line.clear();
             return Ok(());
         }
+        let sent = self.out.write_all(self.line.as_bytes()).and_then(|()| self.out.flush());
+        self.line.clear();
         sent.map_err(|e| match e.kind() {
             ErrorKind::BrokenPipe => Error::Invalid("--stream: the reader of standard output has gone".into()),
             _ => Error::Invalid(format!("--stream: cannot write: {e}")),
@@ -188,9 +200,6 @@ struct Datagrams(UdpSocket);
 
 impl Write for Datagrams {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        if bytes.len() > DATAGRAM {
-            return Err(ErrorKind::FileTooLarge.into());
-        }
         let _ = self.0.send(bytes);
         Ok(bytes.len())
     }
@@ -259,6 +268,23 @@ mod tests {
         let mut seen = Seen::given([40, 30, 1], &bbox).in_phase(Phase::Tracked);
         (seen.covariance[0], seen.covariance[1][1]) = ([4.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0], 9.0);
         assert_eq!(seen.centre_covariance(), Some([4.0, 0.5, 9.0]), "xx, xy, yy");
+    }
+
+    /// Output to a file that reaches its limit is an error, not a line that is too long.
+    #[test]
+    fn a_full_file_is_an_error() {
+        struct Full;
+        impl Write for Full {
+            fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+                Err(ErrorKind::FileTooLarge.into())
+            }
+            fn flush(&mut self) -> std::io::Result<()> {
+                Ok(())
+            }
+        }
+        let mut stream = Stream::new(Full, Format::Json, None, Remarks::default());
+        let error = stream.observe(&frame(), &[Seen::given([40, 30, 1], &BBox::new(0.0, 0.0, 2.0, 2.0))]);
+        assert!(error.expect_err("it is full").to_string().contains("cannot write"));
     }
 
     #[test]
