@@ -130,7 +130,7 @@ impl Roots {
         found.sort_by(|a, b| {
             (a.kind == "video", a.name.to_lowercase()).cmp(&(b.kind == "video", b.name.to_lowercase()))
         });
-        if is_both(&place.real) {
+        if image_files(&place.real).is_ok_and(|files| is_both(&place.real, &files)) {
             found.insert(0, Entry { name: "the pictures of this folder".into(), path: name.into(), kind: "images" });
         }
         found.truncate(MOST);
@@ -141,21 +141,21 @@ impl Roots {
 /// Returns the kind of a place for the page; `None` if the page cannot show it.
 fn kind(path: &Path) -> Option<&'static str> {
     if path.is_dir() {
-        return Some(if image_files(path).is_ok() && !is_both(path) { "images" } else { "folder" });
+        let sequence = image_files(path).is_ok_and(|files| !is_both(path, &files));
+        return Some(if sequence { "images" } else { "folder" });
     }
     is_video(path).then_some("video")
 }
 
-/// Returns whether pictures lie in a folder beside other folders.
-fn is_both(path: &Path) -> bool {
-    let beside = |files: Vec<PathBuf>| files.first().is_some_and(|file| file.parent() == Some(path));
+/// Returns whether these pictures lie in the folder itself, beside other folders.
+fn is_both(path: &Path, pictures: &[PathBuf]) -> bool {
     let folders = || {
         let entries = std::fs::read_dir(path).into_iter().flatten().flatten().take(50 * MOST);
         entries
             .filter(|entry| !entry.file_name().as_encoded_bytes().starts_with(b"."))
             .any(|entry| entry.path().is_dir())
     };
-    image_files(path).is_ok_and(beside) && folders()
+    pictures.first().is_some_and(|file| file.parent() == Some(path)) && folders()
 }
 
 #[cfg(test)]
