@@ -21,8 +21,8 @@ The output folder also has measure.csv (times, positions, velocities and acceler
 
 Example: foveate measure ball.mp4 --init 310,40,28,28 --ruler 100,60,100,460=1.000+-0.002m --fit parabola:y";
 
-/// Options that say how a video is read and tracked.
-const OF_A_VIDEO: [&str; 38] = [
+/// Options that say how a video is read and tracked, and apply to a measurement.
+const OF_A_VIDEO: [&str; 27] = [
     "sources",
     "reference",
     "decoder",
@@ -31,19 +31,8 @@ const OF_A_VIDEO: [&str; 38] = [
     "pix",
     "from",
     "every",
-    "every_frame",
-    "max_latency",
-    "listen",
-    "reconnect",
     "stream",
     "init",
-    "detect",
-    "detections",
-    "least",
-    "classes",
-    "layout",
-    "inits",
-    "save_detections",
     "reinit",
     "config",
     "profile",
@@ -85,7 +74,7 @@ const HIDDEN: [&str; 11] = [
 }))]
 pub(crate) struct MeasureArgs {
     /// Measure an existing track.csv of `foveate track` instead of a video
-    #[arg(long, value_name = "track.csv", conflicts_with_all = OF_A_VIDEO)]
+    #[arg(long, value_name = "track.csv", conflicts_with_all = OF_A_VIDEO.into_iter().chain(HIDDEN))]
     track: Option<PathBuf>,
     /// Scale: two points in the picture and the length between them, with its standard error and unit (mm, cm, m, km, in, ft; default: m).
     /// Without it lengths are in pixels
@@ -210,7 +199,8 @@ mod tests {
     fn options_of_a_run_are_refused_with_a_track() {
         let command = track::Args::augment_args(clap::Command::new("track"));
         for option in command.get_arguments().map(|option| option.get_id().as_str()) {
-            assert!(OF_A_VIDEO.contains(&option) || ["out", "scale"].contains(&option), "{option}");
+            let refused = OF_A_VIDEO.contains(&option) || HIDDEN.contains(&option);
+            assert!(refused || ["out", "scale"].contains(&option), "{option}");
         }
         let known = |name: &&str| command.get_arguments().any(|option| option.get_id() == *name);
         assert!(
