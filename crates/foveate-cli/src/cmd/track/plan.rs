@@ -77,10 +77,8 @@ impl<'a> Plan<'a> {
             Some(detector) => Subject::Many(Box::new(blueprint.multi_tracker(seed)?), Box::default(), detector),
         };
         let mut selection = args.input.selection();
-        let saved = match &args.load_state {
-            Some(path) => Some((path.as_path(), SavedState::read(path)?)),
-            None => None,
-        };
+        let read = |path: &'a Path| SavedState::read(path).map(|saved| (path, saved));
+        let saved = args.load_state.as_deref().map(read).transpose()?;
         if let Some((_, saved)) = &saved {
             // Every so many frames from the last tracked one on.
             selection.from = saved.next_frame.saturating_sub(1) % selection.every;

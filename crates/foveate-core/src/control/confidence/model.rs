@@ -203,7 +203,7 @@ impl ConfidenceModel {
     /// The count of a frame towards the end or the start of a search; 0 if it is between.
     pub(super) fn weight_of_frame(&self, searching: bool, p_lost: f64) -> f64 {
         match searching {
-            // From even odds on, no frame is surer than the threshold by some factor.
+            // The logit of the threshold is 0 or less: a ratio to it has no meaning.
             true if p_lost < self.leave && self.leave >= 0.5 => 1.0,
             true if p_lost < self.leave => {
                 (tracking_logit(p_lost) / tracking_logit(self.leave)).clamp(1.0, self.surest)
