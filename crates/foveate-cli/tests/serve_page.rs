@@ -207,6 +207,42 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
+/// Enter in a field of the box is the main button; a box ahead of the track corrects it there, and nothing is discarded before.
+#[test]
+fn enter_and_a_frame_ahead_correct_the_track() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let (mut browser, _server) = need!(open(dir.path(), &[]));
+    browser.click(".entries button");
+    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    browser.draw(truth(0));
+    for seed in ["-1", "1.5", "12345678901234567"] {
+        browser.fill("seed", seed);
+        browser.click("#go");
+        browser.until("byId('message').textContent.includes('must be a whole number')");
+        browser.value("complain(null), true");
+    }
+    browser.fill("seed", "7");
+    browser.value("byId('pace').value = 1, true");
+    browser.click("#go");
+    browser.until("page.rows.length > 3");
+    browser.click("#play");
+    browser.until("!page.playing && !page.busy");
+    browser.show(FRAMES - 5);
+    assert_eq!(browser.value("page.rows.length < 20"), json!(true));
+    browser.draw(truth(FRAMES - 6));
+    assert_eq!(browser.value("byId('go').textContent"), json!(format!("Correct frame {}", FRAMES - 5)));
+    browser.value("byId('box-x').focus(), true");
+    browser.key("Enter", 0);
+    browser.until(&format!("page.rows.length === {} && lastRow().given && !page.busy", FRAMES - 5));
+    browser.show(12);
+    browser.draw(truth(11));
+    browser.value("byId('box-w').focus(), true");
+    browser.key("Enter", 0);
+    browser.until("page.first === 1 && page.rows.length === 12 && lastRow().given && !page.busy");
+    track(&mut browser);
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
 /// Wrong and short settings of a measurement: no endless requests, no numbers of another target.
 #[test]
 fn a_measurement_follows_clumsy_settings() {
@@ -240,6 +276,13 @@ fn a_measurement_follows_clumsy_settings() {
     browser.click("#add");
     browser.until("page.target === 1 && page.ended && !page.playing && !page.busy && !measuring.busy");
     assert_eq!(browser.value("!measuring.answer && byId('measure-files').hidden"), json!(true));
+    // Another video has a rate of its own.
+    browser.fill("fps", "240");
+    browser.fill("fps-error", "1");
+    browser.click("#choose");
+    browser.click(".entries button");
+    browser.until("page.rows.length === 0 && shown && shown.frame === 1");
+    assert_eq!(browser.value("byId('fps').value + byId('fps-error').value"), json!(""));
     assert!(browser.complaints.len() == 1 && browser.complaints[0].contains("400"), "{:?}", browser.complaints);
 }
 

@@ -14,11 +14,13 @@ function transport() {
     byId('play').setAttribute('aria-label', label);
   }
 }
+// Whether a box in this frame corrects the track. A frame ahead of it is tracked first; those of a camera may be gone.
+const correctable = () => !!rowOf(page.frame) || page.rows.length > 0 && page.frame > lastTracked() && !page.ended && page.video.live === undefined;
 // What the box in hand can be used for.
 function actions() {
-  const tracked = !!rowOf(page.frame), box = !!page.draft;
-  byId('go').textContent = hello.pick ? 'Use this box' : tracked ? `Correct frame ${page.frame}` : 'Start tracking';
-  byId('again').hidden = hello.pick || !tracked;
+  const box = !!page.draft;
+  byId('go').textContent = hello.pick ? 'Use this box' : correctable() ? `Correct frame ${page.frame}` : page.rows.length ? 'Start anew here' : 'Start tracking';
+  byId('again').hidden = hello.pick || !correctable();
   byId('add').hidden = hello.pick || !page.targets.length || page.targets.length >= hello.targets;
   for (const id of ['go', 'again', 'add']) byId(id).disabled = !box || page.busy;
   drawTargets();
@@ -82,6 +84,7 @@ async function stepTo(frame) {
 }
 async function start(target) {
   const { x, y, w, h } = page.draft, frame = page.frame, seed = byId('seed').value;
+  if (byId('seed').validity.badInput || seed !== '' && !(Number.isSafeInteger(+seed) && +seed >= 0)) throw new Error(`The seed must be a whole number from 0 to ${Number.MAX_SAFE_INTEGER}.`);
   const message = { op: 'start', session: page.video.session, target, frame, box: [x, y, w, h], config: byId('config').value, policy: byId('policy').value || null, seed: seed === '' ? null : +seed };
   page.busy = true;
   try {
@@ -96,7 +99,16 @@ async function start(target) {
   doing(play)();
 }
 async function correct() {
-  const { x, y, w, h } = page.draft, frame = page.frame;
+  const { draft, frame, video } = page, { x, y, w, h } = draft;
+  if (lastTracked() < frame) {
+    page.playing = true;
+    transport();
+    try {
+      while (page.playing && video === page.video && lastTracked() < frame && !page.ended) await trackOn(Math.min(200, frame - lastTracked()), false);
+    } finally { page.playing = false; transport(); }
+    // Paused on the way, or another video.
+    if (video !== page.video || lastTracked() < frame) return;
+  }
   page.busy = true;
   try {
     takeIn(active(), await tracker.ask({ op: 'correct', session: page.video.session, target: page.target, frame, box: [x, y, w, h] }));
@@ -115,17 +127,18 @@ async function picked() {
     for (const control of document.querySelectorAll('button:not(#copy), input, select')) control.disabled = true;
   }
 }
-byId('boxes').addEventListener('submit', doing(async event => {
-  event.preventDefault();
+async function use(how) {
   pause();
   await idle();
   if (!page.draft) return;
-  const how = event.submitter?.value;
   if (hello.pick) await picked();
   else if (how === 'add') await start(page.targets.length);
-  else if (how !== 'again' && rowOf(page.frame)) await correct();
+  else if (how === 'go' && correctable()) await correct();
   else await start(page.target);
-}));
+}
+// Enter in a field of the box is the main button.
+byId('boxes').addEventListener('submit', doing(event => { event.preventDefault(); return use('go'); }));
+for (const id of ['again', 'add']) byId(id).addEventListener('click', doing(() => use(id)));
 byId('copy').addEventListener('click', doing(() => navigator.clipboard.writeText(byId('line').textContent)));
 byId('play').addEventListener('click', doing(() => page.playing ? pause() : play()));
 byId('back').addEventListener('click', doing(() => stepTo(page.frame - 1)));

@@ -185,10 +185,12 @@ impl Browser {
     }
 
     pub(crate) fn key(&mut self, key: &str, modifiers: u8) {
+        // Without its character Enter submits no form.
+        let (text, code) = if key == "Enter" { ("\r", 13) } else { ("", 0) };
         for kind in ["keyDown", "keyUp"] {
             self.call(
                 "Input.dispatchKeyEvent",
-                json!({ "type": kind, "key": key, "code": key, "modifiers": modifiers }),
+                json!({ "type": kind, "key": key, "code": key, "modifiers": modifiers, "text": text, "windowsVirtualKeyCode": code }),
             );
         }
     }
