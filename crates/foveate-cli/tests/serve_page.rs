@@ -211,7 +211,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
 #[test]
 fn enter_and_a_frame_ahead_correct_the_track() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let (mut browser, _server) = need!(open(dir.path(), &[]));
+    let (mut browser, server) = need!(open(dir.path(), &[]));
     browser.click(".entries button");
     browser.until("!byId('stage').hidden && shown && shown.frame === 1");
     browser.draw(truth(0));
@@ -240,6 +240,21 @@ fn enter_and_a_frame_ahead_correct_the_track() {
     browser.key("Enter", 0);
     browser.until("page.first === 1 && page.rows.length === 12 && lastRow().given && !page.busy");
     track(&mut browser);
+
+    // Who leaves is asked before anything is saved; and the server forgets what a page has left.
+    let asks = "!window.dispatchEvent(new Event('beforeunload', { cancelable: true }))";
+    assert_eq!(browser.value(asks), json!(true));
+    browser.click("#save-go");
+    browser.until("document.querySelectorAll('#files a').length === 3");
+    assert_eq!(browser.value(asks), json!(false));
+    let frame = format!("/frame?session={}&frame=1", browser.value("page.video.session"));
+    assert_eq!(server.get(&frame).0, 200);
+    browser.call("Page.navigate", json!({ "url": "about:blank" }));
+    let began = std::time::Instant::now();
+    while server.get(&frame).0 == 200 {
+        assert!(began.elapsed() < Duration::from_secs(20), "the server keeps what the page has left");
+        std::thread::sleep(Duration::from_millis(50));
+    }
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
@@ -280,6 +295,10 @@ fn a_measurement_follows_clumsy_settings() {
     browser.fill("fps", "240");
     browser.fill("fps-error", "1");
     browser.click("#choose");
+    browser.value("window.confirm = () => false, true");
+    browser.click(".entries button");
+    assert_eq!(browser.value("page.targets.length"), json!(2));
+    browser.value("window.confirm = () => true, true");
     browser.click(".entries button");
     browser.until("page.rows.length === 0 && shown && shown.frame === 1");
     assert_eq!(browser.value("byId('fps').value + byId('fps-error').value"), json!(""));
@@ -320,7 +339,7 @@ fn the_browsers_camera_is_followed_by_the_server() {
     browser.value("pause(), true");
     browser.until("!page.playing && !page.busy && shown.frame === page.frame");
     let now = at(&mut browser);
-    let shown: [f64; 4] = serde_json::from_value(browser.value("lastRow().box")).expect("a box");
+    let shown: [f64; 4] = serde_json::from_value(browser.value("rowOf(page.frame).box")).expect("a box");
     assert!(iou(shown, truth(now)) >= 0.5, "{shown:?} is not {:?}", truth(now));
     assert_eq!(browser.value("byId('want-report').closest('label').hidden"), json!(true));
     let tracked = browser.value("page.targets[0].count").as_u64().expect("a number") as usize;

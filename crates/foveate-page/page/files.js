@@ -20,6 +20,7 @@ async function enter(entry) {
   await list(entry.path);
 }
 async function open_(entry) {
+  if (unsaved && !confirm('The results are not saved. Open another video?')) return;
   pause();
   await idle();
   const close = () => page.video && tracker.ask({ op: 'close', session: page.video.session }).catch(() => {});
@@ -63,9 +64,10 @@ byId('choose').addEventListener('click', doing(async () => {
 // A page with another tracker has its own way to the camera.
 byId('pick-camera').addEventListener('click', doing(() => tracker.offer ? null : open_({ name: 'camera', path: CAMERA })));
 
-let saving = 0;
+let saving = 0, unsaved = false;
 function forgetSaved() {
   saving++;
+  unsaved = page.targets.some(({ rows }) => rows.length);
   byId('files').replaceChildren();
   byId('save-state').textContent = '';
   byId('save-go').disabled = false;
@@ -84,6 +86,7 @@ byId('save-go').addEventListener('click', doing(async () => {
       if (mine !== saving) return;
       if (files) {
         state.textContent = 'Ready to download:';
+        unsaved = false;
         byId('files').replaceChildren(...files.map(name => element('li', {}, element('a', { href: tracker.link(session, name), download: name }, name))));
         return;
       }
@@ -101,3 +104,6 @@ byId('save-picture').addEventListener('click', doing(async () => {
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }));
+// Who leaves is asked whether to lose what is not saved; then the tracker forgets the video, unless the browser keeps the page.
+window.addEventListener('beforeunload', event => { if (unsaved) event.preventDefault(); });
+window.addEventListener('pagehide', event => { if (page.video && !event.persisted) tracker.leave?.(page.video.session); });

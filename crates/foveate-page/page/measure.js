@@ -133,5 +133,6 @@ for (const button of byId('measure-files').children) button.addEventListener('cl
   const { files } = await tracker.ask(measureMessage({ files: true })), { name, text } = files.find(file => file.name === button.value);
   const link = element('a', { href: URL.createObjectURL(new Blob([text], { type: 'text/plain' })), download: page.target ? `target-${page.target + 1}-${name}` : name });
   link.click();
+  unsaved = false;
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }));

@@ -14,7 +14,8 @@ function remoteTracker() {
     try { problem = (await response.json()).error; } catch { problem = `error ${response.status}`; }
     throw new Error(problem);
   }
-  const post = async (where, kind, body) => (await told(fetch(where, { method: 'POST', headers: { ...headers, 'Content-Type': kind }, body }))).json();
+  const request = (where, kind, body, more) => fetch(where, { method: 'POST', headers: { ...headers, 'Content-Type': kind }, body, ...more });
+  const post = async (where, kind, body) => (await told(request(where, kind, body))).json();
   const send = message => post('api', 'application/json', JSON.stringify(message));
   // The browser's own camera: its frames go to the server as JPEG.
   const pushed = pushedVideos(send, async (session, { pixels, time, missed }) => {
@@ -35,5 +36,7 @@ function remoteTracker() {
       return now || createImageBitmap(await (await told(fetch('frame' + query({ session, frame }), { headers }))).blob());
     },
     link: (session, name) => 'file' + query({ session, name }),
+    // Closes a video though the page is going away.
+    leave: session => { request('api', 'application/json', JSON.stringify({ op: 'close', session }), { keepalive: true }).catch(() => {}); },
   };
 }
