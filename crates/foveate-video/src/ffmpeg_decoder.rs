@@ -38,8 +38,10 @@ impl Feed {
         let passthrough = passthrough(program, Task::Coded)?;
         let mut child = Command::new(program)
             .args(["-hide_banner", "-nostats", "-loglevel", "error", "-protocol_whitelist", "pipe"])
+            // Unaligned: a picture is cut at the left where the stream says, not only where memory is aligned.
             // Strict: frames are held back until their order is certain. Damage ends it, and is left to our own decoders to name.
-            .args(["-strict", "1", "-err_detect", "explode", "-xerror", "-f", "h264", "-max_pixels", &most_pixels()])
+            .args(["-flags", "unaligned", "-strict", "1", "-err_detect", "explode", "-xerror"])
+            .args(["-f", "h264", "-max_pixels", &most_pixels()])
             .args(["-i", "pipe:0"])
             .args(["-map", "0:v:0"])
             .args(passthrough)

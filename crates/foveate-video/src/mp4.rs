@@ -32,7 +32,7 @@ pub(super) struct Movie {
     pub samples: Vec<Sample>,
     /// Time units in a second; not 0.
     pub timescale: u32,
-    /// Number of clockwise turns of the picture by 90 degrees, 0 to 3.
+    /// Number of clockwise turns of the picture by 90 degrees, 0 to 3; 4 more if left and right are exchanged before.
     pub turns: u8,
     /// Width over height of a pixel, if the container has it.
     pub aspect: Option<Aspect>,
@@ -141,10 +141,12 @@ fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -
     let stored = sides.u16().zip(sides.u16());
     let entry = entry.get(78..).ok_or_else(|| lacks("avc1"))?;
     let avcc = child(entry, b"avcC").ok_or_else(|| lacks("avcC"))?.to_vec();
-    let colour = child(entry, b"colr").filter(|colr| colr.starts_with(b"nclx")).and_then(|colr| {
-        let mut c = Cursor(colr.get(8..)?);
-        Some((c.u16()?, c.take::<1>()?[0] & 0x80 != 0))
-    });
+    // QuickTime's own kind says nothing of the range.
+    let colour =
+        child(entry, b"colr").filter(|colr| matches!(colr.get(..4), Some(b"nclx" | b"nclc"))).and_then(|colr| {
+            let mut c = Cursor(colr.get(8..)?);
+            Some((c.u16()?, colr.starts_with(b"nclx") && c.take::<1>()?[0] & 0x80 != 0))
+        });
 
     let timescale = |head: Option<&[u8]>| {
         let head = head?;
@@ -209,6 +211,10 @@ fn track_head(tkhd: &[u8]) -> Option<(u32, u8)> {
             (0, 1, -1, 0) => 1,
             (-1, 0, 0, -1) => 2,
             (0, -1, 1, 0) => 3,
+            (-1, 0, 0, 1) => 4,
+            (0, -1, -1, 0) => 5,
+            (1, 0, 0, -1) => 6,
+            (0, 1, 1, 0) => 7,
             _ => 0,
         },
     ))
@@ -272,9 +278,10 @@ fn fragments(
     len: u64,
     samples: &mut Vec<Sample>,
 ) -> Result<(), String> {
-    let trex = child(moov, b"mvex").into_iter().flat_map(boxes).filter(|(name, _)| name == b"trex");
-    let defaults = trex.map(|(_, trex)| rows_at::<5>(trex, 4)).find_map(|mut rows| rows.next().filter(|r| r[0] == id));
-    let [_, _, default_delta, default_size, default_flags] = defaults.unwrap_or_default();
+    let defaults = |id| {
+        let trex = child(moov, b"mvex").into_iter().flat_map(boxes).filter(|(name, _)| name == b"trex");
+        trex.filter_map(|(_, trex)| rows_at::<5>(trex, 4).next()).find(|row| row[0] == id).unwrap_or_default()
+    };
     let mut decoded = 0;
     for (start, moof) in moofs {
         let mut end = *start;
@@ -282,9 +289,9 @@ fn fragments(
             let what = format!("the fragment at byte {start} is damaged");
             let tfhd = child(traf, b"tfhd").ok_or(&what)?;
             let (flags, mut c) = full(tfhd).ok_or(&what)?;
-            if c.u32() != Some(id) {
-                continue;
-            }
+            // The bytes of other tracks count: those of the next track may begin behind them.
+            let track = c.u32().ok_or(&what)?;
+            let [_, _, default_delta, default_size, default_flags] = defaults(track);
             let base = if flags & 1 != 0 {
                 c.u64().ok_or(&what)?
             } else if flags & 0x20000 != 0 {
@@ -297,7 +304,7 @@ fn fragments(
             let default_delta = optional(8).ok_or(&what)?.unwrap_or(default_delta);
             let default_size = optional(16).ok_or(&what)?.unwrap_or(default_size);
             let default_flags = optional(32).ok_or(&what)?.unwrap_or(default_flags);
-            if let Some(tfdt) = child(traf, b"tfdt") {
+            if let Some(tfdt) = child(traf, b"tfdt").filter(|_| track == id) {
                 let long = tfdt.first() == Some(&1);
                 let mut c = Cursor(tfdt.get(4..).ok_or(&what)?);
                 decoded = if long { c.u64() } else { c.u32().map(u64::from) }.ok_or(&what)? as i64;
@@ -310,21 +317,29 @@ fn fragments(
                     end = base.saturating_add_signed(i64::from(c.u32().ok_or(&what)? as i32));
                 }
                 let mut first_flags = if flags & 4 != 0 { Some(c.u32().ok_or(&what)?) } else { None };
+                if track != id && flags & 0x200 == 0 {
+                    end = end.saturating_add(u64::from(count) * u64::from(default_size));
+                    continue;
+                }
                 let fields = u64::from((flags >> 8 & 15).count_ones());
                 let room = (c.0.len() as u64).checked_div(4 * fields).unwrap_or(len / 4);
                 if u64::from(count) > room || samples.len() as u64 + u64::from(count) > MAX_FRAMES.min(len / 4) {
                     return Err(format!("the fragment at byte {start} claims {count} frames, more than it can hold"));
                 }
-                make_room(samples, count).map_err(|error| error.to_string())?;
+                if track == id {
+                    make_room(samples, count).map_err(|error| error.to_string())?;
+                }
                 for _ in 0..count {
                     let mut field = |bit, default| if flags & bit == 0 { default } else { c.u32().unwrap_or(default) };
                     let (delta, size) = (field(0x100, default_delta), field(0x200, default_size));
                     let (own, shift) = (field(0x400, default_flags), field(0x800, 0) as i32);
-                    let time = decoded.saturating_add(i64::from(shift));
-                    let key = first_flags.take().unwrap_or(own) & NOT_A_KEY == 0;
-                    samples.push(Sample { offset: end, size, time, shown: true, key });
+                    if track == id {
+                        let time = decoded.saturating_add(i64::from(shift));
+                        let key = first_flags.take().unwrap_or(own) & NOT_A_KEY == 0;
+                        samples.push(Sample { offset: end, size, time, shown: true, key });
+                        decoded = decoded.saturating_add(i64::from(delta));
+                    }
                     end = end.saturating_add(u64::from(size));
-                    decoded = decoded.saturating_add(i64::from(delta));
                 }
             }
         }

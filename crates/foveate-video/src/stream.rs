@@ -298,7 +298,7 @@ fn may_be_held(size: u32) -> foveate_base::Result<()> {
     memory::check(format_args!("a coded frame of {size} bytes"), size.into())
 }
 
-/// The image turned clockwise by quarter turns.
+/// The image turned clockwise by quarter turns; from 4 on, left and right are exchanged before.
 fn turned(image: Image, turns: u8) -> Image {
     if turns == 0 {
         return image;
@@ -309,10 +309,14 @@ fn turned(image: Image, turns: u8) -> Image {
     for p in 0..image.planes() {
         let plane = image.plane(p);
         for y in 0..height {
-            data.extend((0..width).map(|x| match turns {
-                1 => plane[(h - 1 - x) * w + y],
-                2 => plane[(h - 1 - y) * w + (w - 1 - x)],
-                _ => plane[x * w + (w - 1 - y)],
+            data.extend((0..width).map(|x| {
+                let (column, row) = match turns % 4 {
+                    0 => (x, y),
+                    1 => (y, h - 1 - x),
+                    2 => (w - 1 - x, h - 1 - y),
+                    _ => (w - 1 - y, x),
+                };
+                plane[row * w + if turns < 4 { column } else { w - 1 - column }]
             }));
         }
     }

@@ -59,7 +59,8 @@ impl Facts {
         let rate = rate("avg_frame_rate").or_else(|| rate("r_frame_rate"));
         let duration = positive(text("duration")).or_else(|| positive(format.get("duration")?));
         let frames = positive(text("nb_frames")).or_else(|| Some(duration? * rate?)).filter(|n| *n < 1e12);
-        let of_luma = ["yuv", "nv", "gray", "y"].iter().any(|name| text("pix_fmt").starts_with(name));
+        let of_colours = ["rgb", "bgr", "gbr", "argb", "abgr", "0rgb", "0bgr", "x2", "pal8", "bayer", "xyz"];
+        let of_luma = !of_colours.iter().any(|name| text("pix_fmt").starts_with(name));
         let matrix = match text("color_space") {
             "bt709" => Some(1),
             "bt470bg" | "smpte170m" | "fcc" => Some(6),

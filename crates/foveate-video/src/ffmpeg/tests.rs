@@ -64,6 +64,10 @@ fn the_output_of_ffprobe_is_parsed() {
     assert!(!Facts::read(&format!("{sound}{other}")).sound);
     let rgb = "[STREAM]\nindex=0\ncodec_type=video\npix_fmt=bgra\ncolor_range=pc\navg_frame_rate=0/0\n[/STREAM]\n";
     assert_eq!(Facts::read(rgb).matrix, Some(6));
+    // Brightness and colours, whatever the name begins with: the matrix is unknown.
+    for format in ["uyvy422", "p010le", "yuv420p", "nv12", "vuya", "xv30le", "gray"] {
+        assert_eq!(Facts::read(&rgb.replace("bgra", format)).matrix, None, "{format}");
+    }
     assert_eq!(Facts::read("nonsense"), Facts::default());
     assert_eq!(probe(Path::new("/a/ffmpeg-7.exe")), Path::new("/a/ffprobe-7.exe"));
 }

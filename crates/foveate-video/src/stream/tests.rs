@@ -106,6 +106,11 @@ fn h264_of_every_kind_is_what_ffmpeg_decodes() {
         ("slices.mp4", "-c:v libx264 -pix_fmt yuv420p -x264-params slices=4:weightp=2"),
         ("fragments.mp4", "-c:v libx264 -pix_fmt yuv420p -g 8 -bf 2 -movflags frag_keyframe+empty_moov"),
         ("base-moof.mp4", "-c:v libx264 -pix_fmt yuv420p -g 8 -movflags frag_keyframe+empty_moov+default_base_moof"),
+        (
+            "after-sound.mp4",
+            "-f lavfi -i sine=duration=0.96 -map 1 -map 0 -c:a aac -c:v libx264 -pix_fmt yuv420p -g 8 -movflags \
+             frag_keyframe+empty_moov+omit_tfhd_offset",
+        ),
         ("faststart.mov", "-c:v libx264 -pix_fmt yuv420p -movflags +faststart"),
         ("interlaced.mp4", "-c:v libx264 -pix_fmt yuv420p -flags +ilme+ildct -x264-params interlaced=1"),
         ("fake-interlaced.mp4", "-c:v libx264 -pix_fmt yuv420p -x264-params fake-interlaced=1"),
@@ -210,13 +215,29 @@ fn edits_cuts_and_turns_are_followed() {
         ("turned.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=90"),
         ("back.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=270"),
         ("over.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=180"),
+        ("nclc.mov", "-i IN/open.mp4 -map 1 -c copy -colorspace bt709 -color_primaries bt709 -color_trc bt709"),
+        ("mirror.mp4", "-1 0 0 1"),
+        ("mirror-turned.mp4", "0 -1 -1 0"),
+        ("upside-down.mp4", "1 0 0 -1"),
+        ("transposed.mp4", "0 1 1 0"),
     ];
     for (name, options) in kinds {
         let options = options.replace("IN", &dir.path().to_string_lossy());
-        let Some(path) = made(dir.path(), name, &options) else {
+        let matrix: Vec<i32> = options.split(' ').map_while(|n| n.parse().ok()).collect();
+        let copied = || made(dir.path(), name, &format!("-i {}/open.mp4 -map 1 -c copy", dir.path().display()));
+        let path = if matrix.is_empty() { made(dir.path(), name, &options) } else { copied() };
+        let Some(path) = path else {
             skip(&format!("ffmpeg that writes {name}"));
             continue;
         };
+        if let [a, b, c, d] = matrix[..] {
+            let mut bytes = std::fs::read(&path).expect("just made");
+            let at = 44 + bytes.windows(4).position(|name| name == b"tkhd").expect("a track");
+            for (k, value) in [(0, a), (1, b), (3, c), (4, d)] {
+                bytes[at + 4 * k..][..4].copy_from_slice(&(value << 16).to_be_bytes());
+            }
+            std::fs::write(&path, bytes).expect("a writable folder");
+        }
         let mut other =
             Ffmpeg::open(Path::new("ffmpeg"), &path, 0, &Leash::default(), &Remarks::default()).expect("ffmpeg runs");
         let mut ours = crate::open(&path).expect("a video");
@@ -372,6 +393,7 @@ fn the_pixels_do_not_depend_on_the_decoder() {
         ("odd.mp4", "-vf crop=75:51 -c:v libx264 -pix_fmt yuv420p"),
         ("full-range.mp4", "-c:v libx264 -pix_fmt yuvj420p"),
         ("bt709.mp4", "-colorspace bt709 -c:v libx264 -pix_fmt yuv420p"),
+        ("cropped.mp4", "-i IN/open.mp4 -map 1 -c copy -bsf:v h264_metadata=crop_left=4:crop_top=2"),
     ];
     let mut files = vec![];
     for (name, options) in kinds {
