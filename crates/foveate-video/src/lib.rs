@@ -39,6 +39,7 @@ mod stream;
 mod tiff;
 pub mod tiles;
 mod timing;
+mod turn;
 pub mod vot;
 mod y4m;
 mod yuv;

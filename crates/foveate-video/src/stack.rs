@@ -43,14 +43,32 @@ impl TiffStack {
         let text = pages.description();
         let first = pages.read(&mut range).map_err(wrong)?;
         let frames = Pages::new(open()?, MAX_SIDE).and_then(Pages::count).map_err(wrong)?;
-        let said = |key: &str| text.lines().find_map(|line| line.trim().strip_prefix(key)?.trim().parse::<f64>().ok());
+        let word = |key: &str| text.lines().find_map(|line| Some(line.trim().strip_prefix(key)?.trim()));
+        let said = |key: &str| word(key)?.parse::<f64>().ok();
         // ImageJ leaves the pages of files above 4 GiB out, and only says how many pictures follow the first one; tifffile does if asked.
         let several = text.starts_with("ImageJ") && said("images=").is_some_and(|images| images > 1.0);
         if frames == 1 && (several || text.contains("\"truncate\": true")) {
             let problem = "it has one page, but says that it has several pictures; save it as another stack, or as single pictures";
             return Err(wrong(problem.into()));
         }
-        let seconds = said("finterval=").filter(|seconds| (1e-6..1e6).contains(seconds));
+        let [channels, slices, times] = ["channels=", "slices=", "frames="].map(|key| said(key).unwrap_or(1.0));
+        if channels > 1.0 || slices > 1.0 && times > 1.0 {
+            let found = format!("{channels} channels and {slices} slices a time");
+            return Err(wrong(format!(
+                "expected a picture a time, found {found}; save one channel and slice as a stack"
+            )));
+        }
+        // ImageJ's unit of time; without a known one the interval says nothing.
+        let unit = match word("tunit=").unwrap_or("sec") {
+            "sec" | "s" | "second" | "seconds" => 1.0,
+            "msec" | "ms" => 1e-3,
+            "usec" | "us" | "µs" => 1e-6,
+            "min" | "minute" | "minutes" => 60.0,
+            "h" | "hr" | "hour" | "hours" => 3600.0,
+            _ => f64::NAN,
+        };
+        let seconds =
+            said("finterval=").map(|interval| interval * unit).filter(|seconds| (1e-6..1e6).contains(seconds));
         let (width, height, rate) = (first.width(), first.height(), seconds.map_or(RATE, f64::recip));
         let reader = if frames == 1 { "one image" } else { "TIFF stack" }.into();
         let info = SourceInfo { width, height, frames: Some(frames), rate, reader };
@@ -170,8 +188,39 @@ mod tests {
         };
         let source = stack(&described("ImageJ=1.54f\nfinterval=0.25\n")).expect("a stack");
         assert_eq!(source.info().rate, 4.0);
+        // Another unit of time, and one that nobody knows.
+        for (unit, rate) in [("min", 1.0 / 15.0), ("ms", 4000.0), ("fortnight", RATE)] {
+            let text = format!("ImageJ=1.54f\nfinterval=0.25\ntunit={unit}\n");
+            let found = stack(&described(&text)).expect("a stack").info().rate;
+            assert!((found / rate - 1.0).abs() < 1e-12, "{unit}: {found}");
+        }
+        for counts in ["channels=2\n", "slices=3\nframes=2\n"] {
+            let text = problem(stack(&described(&format!("ImageJ=1.54f\n{counts}"))));
+            assert!(text.contains("expected a picture a time"), "{text}");
+        }
+        // A video that was opened as slices.
+        assert!(stack(&described("ImageJ=1.54f\nslices=1\n")).is_ok());
         let text = problem(stack(&described("ImageJ=1.54f\nimages=3\nfinterval=0.25\n")));
         assert!(text.contains("says that it has several"), "{text}");
+    }
+
+    /// The first row of the stored picture is at the top, the right, ... of the one shown; the values are those of TIFF 6.0, page 36.
+    #[test]
+    fn the_orientation_is_applied() {
+        let turned = |mark: u16| {
+            let bytes = written(|file| {
+                let mut image = file.new_image::<Gray8>(3, 2).expect("memory");
+                image.encoder().write_tag(Tag::Orientation, mark).expect("memory");
+                image.write_data(&[1, 2, 3, 4, 5, 6]).expect("memory");
+            });
+            let image = decode_image(&bytes).expect("a picture");
+            (image.width(), image.bytes().to_vec())
+        };
+        let wide = [[1, 2, 3, 4, 5, 6], [3, 2, 1, 6, 5, 4], [6, 5, 4, 3, 2, 1], [4, 5, 6, 1, 2, 3]];
+        let tall = [[1, 4, 2, 5, 3, 6], [4, 1, 5, 2, 6, 3], [6, 3, 5, 2, 4, 1], [3, 6, 2, 5, 1, 4]];
+        for (mark, bytes) in (1..).zip(wide.into_iter().chain(tall)) {
+            assert_eq!(turned(mark), (if mark < 5 { 3 } else { 2 }, bytes.to_vec()), "{mark}");
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::ffmpeg_decoder::Feed;
 use crate::h264::{Decoder, Setup};
 use crate::mp4;
 use crate::mp4::{Movie, Sample};
+use crate::turn::turned;
 use crate::yuv::{Colour, Yuv};
 use foveate_base::memory;
 use foveate_core::geometry::Size;
@@ -296,31 +297,6 @@ impl Mp4 {
 /// Fails if a coded frame of so many bytes exceeds the memory limit.
 fn may_be_held(size: u32) -> foveate_base::Result<()> {
     memory::check(format_args!("a coded frame of {size} bytes"), size.into())
-}
-
-/// The image turned clockwise by quarter turns; from 4 on, left and right are exchanged before.
-fn turned(image: Image, turns: u8) -> Image {
-    if turns == 0 {
-        return image;
-    }
-    let (w, h) = (image.width(), image.height());
-    let (width, height) = if turns % 2 == 1 { (h, w) } else { (w, h) };
-    let mut data = Vec::with_capacity(image.bytes().len());
-    for p in 0..image.planes() {
-        let plane = image.plane(p);
-        for y in 0..height {
-            data.extend((0..width).map(|x| {
-                let (column, row) = match turns % 4 {
-                    0 => (x, y),
-                    1 => (y, h - 1 - x),
-                    2 => (w - 1 - x, h - 1 - y),
-                    _ => (w - 1 - y, x),
-                };
-                plane[row * w + if turns < 4 { column } else { w - 1 - column }]
-            }));
-        }
-    }
-    Image::new(width, height, image.planes(), data).expect("as many pixels as before")
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use tiff::TiffError;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
+use crate::turn::turned;
 use foveate_base::memory;
 use foveate_core::scene::Image;
 
@@ -30,7 +31,7 @@ pub(crate) fn only_page(bytes: &[u8], most: usize, range: &mut Range) -> Decoded
     let image = pages.read(range)?;
     match pages.skip_to_next()? {
         true => {
-            Err("the file has several pages, which are frames of their own; give the file alone, without other files"
+            Err("the file has several pages, which are frames of their own; give the file alone, and without --sandbox"
                 .into())
         }
         false => Ok(image),
@@ -99,7 +100,12 @@ impl<R: Read + Seek> Pages<R> {
             }
             _ => Image::new(width, height, kept, bytes[..width * height * kept].to_vec()),
         };
-        image.map_err(|error| error.to_string())
+        // As in a camera's mark: the side of the picture that its first row and column are.
+        let turns = match self.decoder.find_tag_unsigned::<u32>(Tag::Orientation).map_err(damaged)? {
+            Some(mark @ 2..=8) => [4, 2, 6, 7, 1, 5, 3][mark as usize - 2],
+            _ => 0,
+        };
+        image.map(|image| turned(image, turns)).map_err(|error| error.to_string())
     }
 
     /// The number of pages from this one on.
