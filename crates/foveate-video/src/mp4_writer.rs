@@ -101,10 +101,11 @@ impl Mp4Writer {
                 path.display()
             )));
         }
-        let timescale = (rate * f64::from(UNITS)).round();
-        if !(timescale >= 1.0 && timescale <= f64::from(u32::MAX)) {
+        // Frames that last longer have times of their own.
+        let timescale = (rate * f64::from(UNITS)).round().max(1.0);
+        if !(rate > 0.0 && timescale <= f64::from(u32::MAX)) {
             return Err(Error::Invalid(format!(
-                "{}: expected a rate from 0.001 to 4 million frames a second, got {rate}",
+                "{}: expected a rate above 0, up to 4 million frames a second, got {rate}",
                 path.display()
             )));
         }

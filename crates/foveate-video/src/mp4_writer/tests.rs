@@ -138,3 +138,15 @@ fn times_are_kept() {
     }
     assert!((track.duration as f64 / scale - (5.0 + 1.0 / 30.0)).abs() < 1e-4);
 }
+
+/// Of a time lapse: a frame an hour.
+#[test]
+fn slow_times_are_kept() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = dir.path().join("a.mp4");
+    let mut writer = Mp4Writer::create(&path, 32, 32, 1.0 / 3600.0).expect("a writable folder");
+    (0..4).for_each(|t| writer.push(&scene(32, 32, t), 3600.0 * t as f64).expect("a frame of the right size"));
+    writer.finish().expect("written");
+    let frames = VideoFile::open(&path).expect("a video").map(|frame| frame.expect("a good frame").time);
+    assert_eq!(frames.collect::<Vec<f64>>(), [0.0, 3600.0, 7200.0, 10800.0]);
+}
