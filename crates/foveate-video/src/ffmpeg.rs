@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::{ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 
 use crate::Remarks;
 use crate::aspect::Aspect;
@@ -44,6 +45,8 @@ pub(super) struct Ffmpeg {
     pixels: Option<Pixels>,
     times: Receiver<Stamp>,
     said: Arc<Mutex<Said>>,
+    /// The thread that reads its log.
+    listener: Option<JoinHandle<()>>,
     /// The time of the last frame in seconds, and how many frames came.
     last: f64,
     frames: usize,
@@ -123,6 +126,7 @@ impl Ffmpeg {
             pixels: None,
             times,
             said,
+            listener: None,
             last: 0.0,
             frames: 0,
         };
@@ -149,7 +153,8 @@ impl Ffmpeg {
         command
             .args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+warning", "-copyts"])
             .args(self.input.guards())
-            .args(["-max_pixels", &most_pixels(), "-i"])
+            // A picture is cut at the left where the stream says, not only where memory is aligned.
+            .args(["-flags", "unaligned", "-max_pixels", &most_pixels(), "-i"])
             .arg(&self.input.name)
             .args(["-map", &stream, "-an", "-sn", "-dn", "-map_metadata", "-1", "-vf", &format!("{FORMATS}{guard}")])
             .args(passthrough)
@@ -166,7 +171,7 @@ impl Ffmpeg {
         let errors = child.stderr.take().expect("it was asked for a pipe");
         self.leash.hold(child);
         self.said = Arc::new(Mutex::new(Said { remarks: self.remarks.clone(), ..Said::default() }));
-        hear(errors, self.said.clone())?;
+        self.listener = Some(hear(errors, self.said.clone())?);
         self.times = read_times(times, self.said.clone())?;
         Ok(())
     }
@@ -216,9 +221,9 @@ impl Ffmpeg {
     /// Why frames stopped; `None` at the end of the video.
     fn end(&mut self) -> Option<Decoded<Picture>> {
         let ended = self.leash.wait();
-        // Its last messages may not have been read yet; the channel of times ends with the program.
+        // Its last messages may not have been read yet; log and channel of times end with the program.
         while self.times.recv().is_ok() {}
-        std::thread::sleep(std::time::Duration::from_millis(20));
+        self.listener.take().map(JoinHandle::join);
         let said = std::mem::take(&mut *self.said.lock().unwrap_or_else(PoisonError::into_inner));
         if said.resized && self.frames == 0 {
             // ffprobe was wrong about the size.
@@ -262,8 +267,8 @@ impl Drop for Ffmpeg {
 }
 
 /// Reads its log.
-fn hear(errors: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<(), String> {
-    listen(errors, move |line| said.lock().unwrap_or_else(PoisonError::into_inner).hear(&line)).map(drop)
+fn hear(errors: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<JoinHandle<()>, String> {
+    listen(errors, move |line| said.lock().unwrap_or_else(PoisonError::into_inner).hear(&line))
 }
 
 /// The times of the frames from the first, as they come: lines of numbers under a head that states the unit.

@@ -6,6 +6,7 @@
 
 mod boxes;
 
+use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 
 use crate::aspect::Aspect;
@@ -278,10 +279,9 @@ fn fragments(
     len: u64,
     samples: &mut Vec<Sample>,
 ) -> Result<(), String> {
-    let defaults = |id| {
-        let trex = child(moov, b"mvex").into_iter().flat_map(boxes).filter(|(name, _)| name == b"trex");
-        trex.filter_map(|(_, trex)| rows_at::<5>(trex, 4).next()).find(|row| row[0] == id).unwrap_or_default()
-    };
+    let trex = child(moov, b"mvex").into_iter().flat_map(boxes).filter(|(name, _)| name == b"trex");
+    let trex = trex.filter_map(|(_, trex)| rows_at::<5>(trex, 4).next()).map(|row| (row[0], row));
+    let defaults: BTreeMap<u32, [u32; 5]> = trex.collect();
     let mut decoded = 0;
     for (start, moof) in moofs {
         let mut end = *start;
@@ -291,7 +291,7 @@ fn fragments(
             let (flags, mut c) = full(tfhd).ok_or(&what)?;
             // The bytes of other tracks count: those of the next track may begin behind them.
             let track = c.u32().ok_or(&what)?;
-            let [_, _, default_delta, default_size, default_flags] = defaults(track);
+            let [_, _, default_delta, default_size, default_flags] = defaults.get(&track).copied().unwrap_or_default();
             let base = if flags & 1 != 0 {
                 c.u64().ok_or(&what)?
             } else if flags & 0x20000 != 0 {

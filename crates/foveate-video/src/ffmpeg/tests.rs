@@ -115,6 +115,25 @@ fn a_file_that_was_cut_ends_with_an_error() {
     }
 }
 
+/// The log comes half a second after the program has ended: the cut is in it.
+#[cfg(unix)]
+#[test]
+fn a_late_log_is_awaited() {
+    use std::os::unix::fs::PermissionsExt;
+    need!(ffmpeg());
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let (whole, cut, late) = (dir.path().join("a.mkv"), dir.path().join("cut.mkv"), dir.path().join("ffmpeg"));
+    make(&whole, &[]);
+    let bytes = std::fs::read(&whole).expect("just made");
+    std::fs::write(&cut, &bytes[..bytes.len() * 3 / 5]).expect("a writable folder");
+    let script = "#!/bin/bash\nexec ffmpeg \"$@\" 2> >(exec >/dev/null; sleep 0.5; cat >&2)\n";
+    std::fs::write(&late, script).expect("a writable folder");
+    std::fs::set_permissions(&late, std::fs::Permissions::from_mode(0o755)).expect("our own file");
+    let mut ffmpeg = Ffmpeg::open(&late, &cut, 0, &Leash::default(), &Remarks::default()).expect("it runs");
+    let end = std::iter::from_fn(|| ffmpeg.picture()).find_map(Result::err);
+    assert!(matches!(end, Some(DecodeError::Damaged(text)) if text.contains("breaks off")));
+}
+
 /// A title, a comment or the name of a stream that looks like what ffmpeg logs of a frame, with sizes, times and rates.
 #[test]
 fn a_title_makes_no_frames() {

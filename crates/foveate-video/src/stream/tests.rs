@@ -216,6 +216,7 @@ fn edits_cuts_and_turns_are_followed() {
         ("back.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=270"),
         ("over.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=180"),
         ("nclc.mov", "-i IN/open.mp4 -map 1 -c copy -colorspace bt709 -color_primaries bt709 -color_trc bt709"),
+        ("cropped.mp4", "-i IN/open.mp4 -map 1 -c copy -bsf:v h264_metadata=crop_left=4:crop_top=2"),
         ("mirror.mp4", "-1 0 0 1"),
         ("mirror-turned.mp4", "0 -1 -1 0"),
         ("upside-down.mp4", "1 0 0 -1"),
@@ -241,7 +242,7 @@ fn edits_cuts_and_turns_are_followed() {
         let mut other =
             Ffmpeg::open(Path::new("ffmpeg"), &path, 0, &Leash::default(), &Remarks::default()).expect("ffmpeg runs");
         let mut ours = crate::open(&path).expect("a video");
-        assert!(ours.info().reader.contains("(built-in decoder)"), "{name}");
+        assert!(ours.info().reader.contains("(built-in decoder"), "{name}");
         for i in 0.. {
             let (Some(frame), Some(picture)) = (ours.next(), other.picture()) else {
                 assert!(
