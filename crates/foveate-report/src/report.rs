@@ -130,7 +130,7 @@ impl Report {
 
 impl Observer for Report {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
-        let row = self.page.frame(frame, targets);
+        let row = self.page.frame(frame, targets)?;
         let wanted = self.keys.keeps(row);
         let mut key = Key { row, ..Key::default() };
         if let (true, [seen]) = (self.page.has_one(), targets) {
@@ -215,11 +215,17 @@ mod tests {
 
     /// The summary and the text of the page of a run in which `targets` returns those of each of 40 frames.
     fn page(targets: impl Fn(usize) -> Vec<Seen<'static>>) -> (serde_json::Value, String) {
+        page_of(1, targets)
+    }
+    /// The same if only every so many frames were read.
+    fn page_of(every: usize, targets: impl Fn(usize) -> Vec<Seen<'static>>) -> (serde_json::Value, String) {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let path = dir.path().join("report.html");
         let info = RunInfo { source: "<b>.mp4".into(), ..RunInfo::default() };
         let mut report = Report::create(&path, info).expect("a writable folder");
-        (0..40).for_each(|t| report.observe(&frame(t), &targets(t)).expect("kept"));
+        for t in 0..40 {
+            report.observe(&Frame { index: every * t, ..frame(t) }, &targets(t)).expect("kept");
+        }
         assert!(!path.exists());
         report.finish().expect("written");
         let page = std::fs::read_to_string(&path).expect("a page");
@@ -251,12 +257,29 @@ mod tests {
             "foveate: &lt;b&gt;.mp4",
             "<td>1</td><td>40</td><td>40</td><td>5</td><td>6</td><td>0</td>",
             "<td>1</td><td>40</td><td>25</td><td>0</td><td>0</td><td>1</td>",
-            "class=\"again\"",
+            "r=\"5\" class=\"again\"",
             "7 (98 %)",
         ] {
             assert!(page.contains(part), "{part}");
         }
         assert!(!page.contains("<b>.mp4") && !page.contains("{{"));
+    }
+
+    /// A live run leaves frames out: that is no re-identification, and frames are those that were read.
+    #[test]
+    fn dropped_frames_interrupt_no_track() {
+        let two = |t| vec![seen(1, 30.0, phase(t)), seen(2, 80.0, Phase::Tracked)];
+        let (data, page) = page_of(3, two);
+        assert_eq!(data["tracks"], serde_json::json!({ "targets": 2, "most": 2, "reidentified": 0 }));
+        assert!(
+            !page.contains("r=\"5\" class=\"again\"")
+                && page.contains("<td>1</td><td>118</td><td>40</td><td>5</td><td>6</td>")
+        );
+        // Tracked, occluded, tracked, lost, tracked; and tracked.
+        assert_eq!(
+            ["full", "pale", "lost"].map(|class| page.matches(&format!("class=\"{class}\"")).count()),
+            [4, 1, 1]
+        );
     }
 
     #[test]

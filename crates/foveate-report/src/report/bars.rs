@@ -38,8 +38,7 @@ pub(super) fn bars(tracks: &[(u64, &[Span])], last: usize) -> String {
     for (i, (id, spans)) in tracks.iter().enumerate() {
         let (y, [r, g, b]) = (ROW * i as f64, colour(*id));
         let _ = write!(svg, "<text x=\"{}\" y=\"{}\" class=\"id\">{}</text>", left - 8.0, y + 15.5, name(*id));
-        for (n, (phase, from, to)) in spans.iter().enumerate() {
-            let again = n > 0 && spans[n - 1].2 + 1 < *from;
+        for (phase, from, to) in *spans {
             let (from, to) = (x(*from as f64), x(*to as f64 + 1.0));
             let (class, top, tall) = match phase {
                 Phase::Lost => ("lost", y + 9.5, 3.0),
@@ -51,7 +50,7 @@ pub(super) fn bars(tracks: &[(u64, &[Span])], last: usize) -> String {
                 "<rect x=\"{from:.1}\" y=\"{top}\" width=\"{:.1}\" height=\"{tall}\" rx=\"1.5\" fill=\"rgb({r} {g} {b})\" class=\"{class}\"/>",
                 (to - from).max(0.6)
             );
-            if again {
+            if *phase == Phase::ReIdentified {
                 let _ = write!(svg, "<circle cx=\"{from:.1}\" cy=\"{}\" r=\"5\" class=\"again\"/>", y + 11.0);
             }
         }

@@ -7,6 +7,7 @@ use super::html::{self, Template, bytes_of, short};
 use super::tracks::{Drawn, Tracks};
 use crate::regret::RegretLog;
 use crate::{Baseline, RunInfo};
+use foveate_base::{Result, memory};
 use foveate_core::Seen;
 use foveate_core::control::Status;
 use foveate_core::geometry::BBox;
@@ -49,6 +50,8 @@ const COLUMNS: [&str; 32] = [
     "status",
 ];
 
+/// Memory of a row, as numbers and as the text of the page, bytes.
+const ROW: u64 = 3000;
 /// Maximum number of drawn classes: the number of colours.
 const MOST_CLASSES: usize = 6;
 
@@ -154,7 +157,15 @@ impl Page {
     }
 
     /// Adds a row for a frame and its targets; returns its index.
-    pub(super) fn frame(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> usize {
+    ///
+    /// # Errors
+    /// The rows exceed the memory limit.
+    pub(super) fn frame(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<usize> {
+        let frames = self.rows.len() + 1;
+        if frames.is_multiple_of(1000) {
+            memory::check(format_args!("report.html of {frames} frames"), frames as u64 * ROW)?;
+        }
+        self.tracks.begin(frame.index);
         targets.iter().for_each(|target| self.tracks.add(frame, target));
         let mut row = [f64::NAN; COLUMNS.len()];
         self.size = [frame.image.width(), frame.image.height()];
@@ -166,7 +177,7 @@ impl Page {
         }
         self.rows.push(row);
         self.classes.push(vec![]);
-        self.rows.len() - 1
+        Ok(self.rows.len() - 1)
     }
 
     /// Returns whether there was at most one target so far: it has numbers in every frame.

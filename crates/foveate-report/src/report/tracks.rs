@@ -20,12 +20,20 @@ const MOST_TRACKS: usize = 300;
 
 /// All targets of a run, by id.
 #[derive(Default)]
-pub(super) struct Tracks(BTreeMap<u64, Track>);
+pub(super) struct Tracks {
+    all: BTreeMap<u64, Track>,
+    /// The frame that was read last, and the one before: a live run drops those between.
+    now: usize,
+    before: usize,
+}
 
 /// One target over time; frames count from 0.
 pub(super) struct Track {
-    /// Phase, first and last frame. Initiation and re-identification are single moments: their span is a tracked one.
+    /// Phase, first and last frame. Initiation is a single moment: its span is a tracked one. So is that of a re-identification, which
+    /// keeps its name.
     spans: Vec<Span>,
+    /// Number of frames, of those occluded, and of those lost.
+    frames: [usize; 3],
     /// The target in its first frame, as a JPEG in base64.
     template: String,
     class: Option<(usize, f64)>,
@@ -48,14 +56,20 @@ pub(super) struct Drawn {
 
 impl Tracks {
     pub(super) fn len(&self) -> usize {
-        self.0.len()
+        self.all.len()
     }
 
-    /// Adds a target of a frame.
+    /// Begins a frame.
+    pub(super) fn begin(&mut self, index: usize) {
+        (self.before, self.now) = (self.now, index);
+    }
+
+    /// Adds a target of the frame.
     pub(super) fn add(&mut self, frame: &Frame, target: &Seen<'_>) {
-        let (at, scale) = (frame.index, target.state.log_scale.exp());
-        let track = self.0.entry(target.id).or_insert_with(|| Track {
+        let (at, before, scale) = (self.now, self.before, target.state.log_scale.exp());
+        let track = self.all.entry(target.id).or_insert_with(|| Track {
             spans: vec![],
+            frames: [0; 3],
             template: Template::new(&Crop::around(&frame.image, &target.bbox).closer(1.1)).jpeg,
             class: None,
             scale: (scale, scale),
@@ -65,25 +79,28 @@ impl Tracks {
         track.class = target.class.or(track.class);
         track.scale = (track.scale.0.min(scale), track.scale.1.max(scale));
         track.reidentified += usize::from(again);
-        let phase = if again || target.phase == Phase::Initiated { Phase::Tracked } else { target.phase };
+        let counted = [true, target.phase == Phase::Occluded, target.phase == Phase::Lost];
+        track.frames.iter_mut().zip(counted).for_each(|(n, counted)| *n += usize::from(counted));
+        let phase = if target.phase == Phase::Initiated { Phase::Tracked } else { target.phase };
+        let goes_on = |last| last == phase || (last, phase) == (Phase::ReIdentified, Phase::Tracked);
         match track.spans.last_mut() {
-            Some((last, _, to)) if *last == phase && *to + 1 == at && !again => *to = at,
+            Some((last, _, to)) if goes_on(*last) && *to == before && !again => *to = at,
             _ => track.spans.push((phase, at, at)),
         }
     }
 
     /// Returns the numbers of targets, of the most active at a time, and of re-identifications.
     pub(super) fn summary(&self, last: usize) -> Value {
-        let active = |t: usize| self.0.values().filter(|track| track.at(t)).count();
+        let active = |t: usize| self.all.values().filter(|track| track.at(t)).count();
         let most = (0..=last).map(active).max().unwrap_or(0);
-        let reidentified: usize = self.0.values().map(|track| track.reidentified).sum();
-        json!({ "targets": self.0.len(), "most": most, "reidentified": reidentified })
+        let reidentified: usize = self.all.values().map(|track| track.reidentified).sum();
+        json!({ "targets": self.all.len(), "most": most, "reidentified": reidentified })
     }
 
     /// Returns the bars and the table, for frames 0 to `last`.
     pub(super) fn sections(&self, last: usize) -> String {
-        let mut all: Vec<(u64, &Track)> = self.0.iter().map(|(id, track)| (*id, track)).collect();
-        all.sort_by_key(|(_, track)| std::cmp::Reverse(track.frames()));
+        let mut all: Vec<(u64, &Track)> = self.all.iter().map(|(id, track)| (*id, track)).collect();
+        all.sort_by_key(|(_, track)| std::cmp::Reverse(track.frames[0]));
         let left_out = all.len().saturating_sub(MOST_TRACKS);
         all.truncate(MOST_TRACKS);
         all.sort_by_key(|(id, _)| *id);
@@ -98,12 +115,6 @@ impl Track {
     fn at(&self, frame: usize) -> bool {
         self.spans.iter().any(|(_, from, to)| (*from..=*to).contains(&frame))
     }
-    fn frames(&self) -> usize {
-        self.spans.iter().map(|(_, from, to)| to + 1 - from).sum()
-    }
-    fn in_phase(&self, phase: Phase) -> usize {
-        self.spans.iter().filter(|span| span.0 == phase).map(|(_, from, to)| to + 1 - from).sum()
-    }
     /// Returns the target's row of the table.
     fn row(&self, id: u64) -> String {
         let [r, g, b] = colour(id);
@@ -114,9 +125,9 @@ impl Track {
             self.class.map_or("–".into(), |(class, p)| format!("{class} ({:.0} %)", 100.0 * p)),
             (first + 1).to_string(),
             (last + 1).to_string(),
-            self.frames().to_string(),
-            self.in_phase(Phase::Occluded).to_string(),
-            self.in_phase(Phase::Lost).to_string(),
+            self.frames[0].to_string(),
+            self.frames[1].to_string(),
+            self.frames[2].to_string(),
             self.reidentified.to_string(),
             format!("{:.2} to {:.2}", self.scale.0, self.scale.1),
         ];
