@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 
 use foveate::extend::Parts;
 use foveate::video::{Sandbox, without_password};
+use foveate_page::word;
 
 struct Invocation {
     /// The arguments, starting with the program's own name.
@@ -32,14 +33,14 @@ pub(crate) fn words() -> impl Iterator<Item = String> {
     words.iter().map(|word| word.to_string_lossy().into_owned())
 }
 
-/// Returns the arguments in one line, without passwords of streams.
+/// Returns the arguments in one line for a shell, without passwords of streams.
 pub(crate) fn arguments() -> String {
-    words().map(|word| without_password(&word).into_owned()).collect::<Vec<_>>().join(" ")
+    words().map(|argument| word(&without_password(&argument))).collect::<Vec<_>>().join(" ")
 }
 
-/// Returns the command in one line: the program as it was called, and its arguments.
+/// Returns the command in one line for a shell: the program as it was called, and its arguments.
 pub fn command() -> String {
-    let name = INVOCATION.get().and_then(|it| it.words.first()).map(|word| word.to_string_lossy().into_owned());
+    let name = INVOCATION.get().and_then(|it| it.words.first()).map(|name| word(&name.to_string_lossy()));
     format!("{} {}", name.unwrap_or_else(|| "foveate".into()), arguments())
 }
 

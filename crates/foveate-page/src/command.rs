@@ -34,7 +34,7 @@ fn quoted(path: &str) -> String {
 }
 
 /// Quotes a word for a shell.
-pub(crate) fn word(word: &str) -> String {
+pub fn word(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
         return word.to_owned();

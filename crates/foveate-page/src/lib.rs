@@ -20,7 +20,7 @@ mod texts;
 mod tracking;
 mod tracks;
 
-pub use self::command::command;
+pub use self::command::{command, word};
 pub use self::host::{Host, Video, offered};
 pub use self::lines::FILES;
 pub use self::measuring::Options;

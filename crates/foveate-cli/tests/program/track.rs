@@ -32,6 +32,10 @@ fn every_file_is_there_with_a_line_for_each_frame() {
     assert_eq!(place.names("all"), all);
     place.boxes("few", &["video"]);
     assert_eq!(place.names("few"), ["boxes.txt", "run.json", "track.csv"], "no trace unless asked for");
+    // The command of the report is one for a shell.
+    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "two words", "--no-video"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!(String::from_utf8_lossy(&place.read("two words/report.html")).contains("-o 'two words' --no-video"));
 }
 
 /// A frame without a true box takes nothing from those after it.
