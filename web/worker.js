@@ -25,8 +25,15 @@ async function step(t, { session, frames }) {
         Object.assign(held, { decoder: null, why: error.message });
       }
     }
-    const { targets } = t.ask({ op: 'step', session, frames: 1 });
+    let got;
+    // What was tracked before a failure is kept.
+    try { got = t.ask({ op: 'step', session, frames: 1 }); } catch (error) {
+      if (!all || error instanceof WebAssembly.RuntimeError) throw error;
+      return { targets: all, problem: error.message };
+    }
+    const { targets, problem } = got;
     all = all ? all.map((before, i) => ({ ...targets[i], rows: [...before.rows, ...targets[i].rows], detail: targets[i].detail ?? before.detail })) : targets;
+    if (problem) return { targets: all, problem };
     if (targets.every(target => target.ended)) break;
   }
   return { targets: all };

@@ -227,8 +227,16 @@ fn enter_and_a_frame_ahead_correct_the_track() {
     browser.until("page.rows.length > 3");
     browser.click("#play");
     browser.until("!page.playing && !page.busy");
+    // Keys where the slider was used last.
+    browser.value("byId('scrub').focus(), true");
+    browser.show(2);
+    browser.key(".", 0);
+    browser.until("page.frame === 3 && shown.frame === 3");
     browser.show(FRAMES - 5);
     assert_eq!(browser.value("page.rows.length < 20"), json!(true));
+    // Other settings are for another start.
+    browser.fill("seed", "8");
+    assert_eq!(browser.value("byId('setup-now').textContent.includes('goes on with natural-fast')"), json!(true));
     browser.draw(truth(FRAMES - 6));
     assert_eq!(browser.value("byId('go').textContent"), json!(format!("Correct frame {}", FRAMES - 5)));
     browser.value("byId('box-x').focus(), true");
@@ -281,6 +289,13 @@ fn a_measurement_follows_clumsy_settings() {
     browser.until(&format!("measuring.answer?.fit?.points === 5 && {settled}"));
     browser.fill("fps", "");
     browser.click("#fit-all");
+    // A click with the tool keeps the scale that is there.
+    browser.click("#scale-set");
+    browser.drag(&[(40.0, 200.0), (200.0, 200.0)]);
+    browser.value("byId('length').value = '4', true");
+    browser.drag(&[(150.0, 100.0)]);
+    assert_eq!(browser.value("rulerLength() > 150"), json!(true));
+    browser.click("#tool-done");
     // A ruler without length is none.
     browser.fill("length", "1");
     browser.value("scene.ruler = [[9, 9], [9, 9]], changed(), true");
@@ -301,7 +316,7 @@ fn a_measurement_follows_clumsy_settings() {
     browser.value("window.confirm = () => true, true");
     browser.click(".entries button");
     browser.until("page.rows.length === 0 && shown && shown.frame === 1");
-    assert_eq!(browser.value("byId('fps').value + byId('fps-error').value"), json!(""));
+    assert_eq!(browser.value("byId('fps').value + byId('fps-error').value + byId('length').value"), json!(""));
     assert!(browser.complaints.len() == 1 && browser.complaints[0].contains("400"), "{:?}", browser.complaints);
 }
 

@@ -16,6 +16,7 @@ function transport() {
 }
 // Whether a box in this frame corrects the track. A frame ahead of it is tracked first; those of a camera may be gone.
 const correctable = () => !!rowOf(page.frame) || page.rows.length > 0 && page.frame > lastTracked() && !page.ended && page.video.live === undefined;
+const settings = () => ['config', 'policy', 'seed'].map(id => byId(id).value);
 // What the box in hand can be used for.
 function actions() {
   const box = !!page.draft;
@@ -23,6 +24,8 @@ function actions() {
   byId('again').hidden = hello.pick || !correctable();
   byId('add').hidden = hello.pick || !page.targets.length || page.targets.length >= hello.targets;
   for (const id of ['go', 'again', 'add']) byId(id).disabled = !box || page.busy;
+  const { setup } = active();
+  byId('setup-now').textContent = setup && setup.some((value, i) => value !== settings()[i]) ? `The track goes on with ${setup[0]}; these settings hold from the next start.` : '';
   drawTargets();
 }
 function pause() {
@@ -49,6 +52,7 @@ async function trackOn(frames, asked) {
     if (answer.missed !== undefined) tellMissed(answer);
     if (asked || page.playing) await show(lastTracked());
     else panels();
+    if (answer.problem) throw new Error(answer.problem);
   } finally { page.busy = false; actions(); }
 }
 async function play() {
@@ -86,10 +90,11 @@ async function start(target) {
   const { x, y, w, h } = page.draft, frame = page.frame, seed = byId('seed').value;
   if (byId('seed').validity.badInput || seed !== '' && !(Number.isSafeInteger(+seed) && +seed >= 0)) throw new Error(`The seed must be a whole number from 0 to ${Number.MAX_SAFE_INTEGER}.`);
   const message = { op: 'start', session: page.video.session, target, frame, box: [x, y, w, h], config: byId('config').value, policy: byId('policy').value || null, seed: seed === '' ? null : +seed };
+  const setup = settings();
   page.busy = true;
   try {
     const answer = await tracker.ask(message);
-    page.targets[target] = newTarget(frame, answer.cells, answer.policy);
+    page.targets[target] = { ...newTarget(frame, answer.cells, answer.policy), setup };
     page.target = target;
     takeIn(page.targets[target], answer);
   } finally { page.busy = false; }
@@ -145,8 +150,8 @@ byId('back').addEventListener('click', doing(() => stepTo(page.frame - 1)));
 byId('forth').addEventListener('click', doing(() => stepTo(page.frame + 1)));
 byId('scrub').addEventListener('input', doing(() => { const to = +byId('scrub').value; pause(); return show(to); }));
 document.addEventListener('keydown', event => {
-  if (!page.video || event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, input, a, summary')) return;
-  const far = event.shiftKey ? 10 : 1, onButton = event.target.matches('button');
+  if (!page.video || event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, a, summary, input:not([type=range], [type=checkbox])')) return;
+  const far = event.shiftKey ? 10 : 1, onButton = event.target.matches('button, [type=checkbox]');
   const to = { ',': page.frame - far, '.': page.frame + far, '<': page.frame - 10, '>': page.frame + 10, ';': page.frame - 10, ':': page.frame + 10 }[event.key];
   if (to !== undefined) doing(() => stepTo(to))();
   else if (event.key === ' ' && !onButton) doing(() => page.playing ? pause() : play())();
@@ -154,6 +159,7 @@ document.addEventListener('keydown', event => {
   event.preventDefault();
 });
 byId('config').addEventListener('change', () => { byId('config-for').textContent = hello.configs.find(c => c.name === byId('config').value)?.for.replaceAll('`', '') || ''; });
+for (const id of ['config', 'policy', 'seed']) byId(id).addEventListener('input', () => actions());
 window.addEventListener('resize', () => { drawStage(); drawGraph(); drawPlots(); });
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', drawGraph);
 

@@ -50,7 +50,7 @@ function forgetAnswer() {
 function forgetScene() {
   Object.assign(scene, { ruler: null, origin: null });
   forgetAnswer();
-  for (const id of ['angle', 'fps', 'fps-error', 'fit-from', 'fit-to']) byId(id).value = '';
+  for (const id of ['length', 'length-error', 'angle', 'fps', 'fps-error', 'fit-from', 'fit-to']) byId(id).value = '';
   if (page.tool) takeTool(null);
 }
 

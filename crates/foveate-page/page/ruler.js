@@ -21,6 +21,8 @@ const tools = {
       const found = scene.ruler ? [0, 1].find(i => isNear(scene.ruler[i], at)) : undefined;
       this.grip = found === undefined ? null : { at, was: scene.ruler[found] };
       this.end = found ?? 1;
+      // A click draws none: then the one before stays.
+      this.before = scene.ruler;
       if (found === undefined) scene.ruler = [at, at];
       this.held = scene.ruler[this.end];
     },
@@ -29,7 +31,7 @@ const tools = {
     },
     release() {
       this.held = null;
-      if (rulerLength() * zoomOf() < 4) scene.ruler = null;
+      if (rulerLength() * zoomOf() < 4) scene.ruler = this.grip ? null : this.before;
       else if (!byId('length').value) byId('length').focus({ preventScroll: true });
     },
     nudge(dx, dy) {

@@ -115,14 +115,14 @@ fn unpack(bytes: &[u8]) -> String {
 }
 
 impl Lines {
-    /// Creates an empty store. It keeps `most` frames, or slightly more; `meter` belongs to a source that drops frames.
-    pub(crate) fn new(most: Option<usize>, meter: Option<Meter>) -> Self {
+    /// Creates an empty store. It keeps `most` frames, or slightly more; `meter` and `remarks` are those of the source.
+    pub(crate) fn new(most: Option<usize>, meter: Option<Meter>, remarks: Remarks) -> Self {
         let out: [Memory; 3] = Default::default();
         let sink = |i: usize| Sink::memory(FILES[i], out[i].clone());
         let observers: [Box<dyn Observer + Send>; 3] = [
             Box::new(Boxes::to(sink(0))),
             Box::new(Table::to(sink(1))),
-            Box::new(Stream::new(out[2].clone(), Format::Json, meter, Remarks::default())),
+            Box::new(Stream::new(out[2].clone(), Format::Json, meter, remarks)),
         ];
         Self { kept: Kept { most, ..Kept::default() }, observers, out }
     }

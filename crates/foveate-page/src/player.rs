@@ -61,6 +61,9 @@ impl Frames for Kept {
     fn repeats(&self) -> bool {
         self.frames.repeats()
     }
+    fn remarks(&self) -> Remarks {
+        self.frames.remarks()
+    }
 }
 
 /// A video that can be opened repeatedly.

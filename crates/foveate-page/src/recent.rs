@@ -7,7 +7,7 @@ use crate::player::Frames;
 use foveate_base::{Error, Result};
 use foveate_core::geometry::Size;
 use foveate_core::scene::Image;
-use foveate_video::{Frame, Meter};
+use foveate_video::{Frame, Meter, Remarks};
 
 /// Number of frames kept for steps back and corrections.
 pub(crate) const RECENT: usize = 8;
@@ -19,6 +19,8 @@ pub struct Recent {
     size: Size,
     /// Counts frames of the source that never arrived.
     pub meter: Meter,
+    /// The source's remarks, such as damage.
+    pub remarks: Remarks,
 }
 
 #[derive(Debug, Default)]
@@ -30,7 +32,7 @@ struct Kept {
 impl Recent {
     /// Creates an empty store for frames of this size.
     pub fn new(size: Size) -> Self {
-        Self { shared: Arc::default(), size, meter: Meter::default() }
+        Self { shared: Arc::default(), size, meter: Meter::default(), remarks: Remarks::default() }
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
@@ -81,5 +83,8 @@ impl Frames for Recent {
     }
     fn repeats(&self) -> bool {
         false
+    }
+    fn remarks(&self) -> Remarks {
+        self.remarks.clone()
     }
 }

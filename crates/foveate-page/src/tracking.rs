@@ -344,8 +344,8 @@ mod tests {
         let (dir, setup, a) = (pictures(), setup(), BBox::new(20.0, 20.0, 24.0, 24.0));
         let folder = || Folder(dir.path().to_owned());
         let boxes = |frames: &mut dyn Frames| {
-            let mut tracking =
-                Tracking::start(frames, Lines::new(None, None), setup.clone(), 0, a).expect("a box in the picture");
+            let mut tracking = Tracking::start(frames, Lines::new(None, None, Default::default()), setup.clone(), 0, a)
+                .expect("a box in the picture");
             (0..1000).for_each(|_| tracking.step(frames).expect("tracked"));
             tracking.take_rows().iter().map(|row| row.bbox).collect::<Vec<_>>()
         };
@@ -365,7 +365,8 @@ mod tests {
         let mut player = Player::new(Folder(dir.path().to_owned()));
         let frames: &mut dyn Frames = &mut player;
         let start = |frames: &mut dyn Frames| {
-            Tracking::start(frames, Lines::new(None, None), setup.clone(), 0, a).expect("a box in the picture")
+            Tracking::start(frames, Lines::new(None, None, Default::default()), setup.clone(), 0, a)
+                .expect("a box in the picture")
         };
         let step = |t: &mut Tracking, frames: &mut dyn Frames, count: usize| {
             (0..count).for_each(|_| t.step(frames).expect("tracked"));

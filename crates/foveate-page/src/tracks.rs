@@ -70,7 +70,7 @@ impl Tracks {
         }
         let (cells, policy) = (cells(&*setup.blueprint.retina()), setup.blueprint.config().policy_kind());
         let most = (!self.frames.repeats()).then_some(MOST_FRAMES);
-        let lines = Lines::new(most, self.meter.clone());
+        let lines = Lines::new(most, self.meter.clone(), self.frames.remarks());
         let mut tracking = Tracking::start(&mut self.frames, lines, setup, frame, bbox)?;
         let rows = tracking.take_rows();
         match self.all.get_mut(target) {
@@ -94,20 +94,27 @@ impl Tracks {
     /// targets get a frame while it is available.
     ///
     /// # Errors
-    /// There is no target, or as [`Tracking::step`].
+    /// There is no target, or as [`Tracking::step`] if nothing was tracked. Otherwise the error is part of the answer.
     pub(crate) fn step(&mut self, frames: usize, enough: impl Fn() -> bool) -> Result<Value> {
         self.get(0)?;
+        let (before, mut problem) = (self.frames(), None);
         for done in 0..frames.clamp(1, MOST_STEPS) {
             let Some(next) = self.next().filter(|_| done == 0 || !enough()) else { break };
             let mut due = self.all.iter_mut().filter(|t| !t.ended() && t.last() + 1 == next);
-            due.try_for_each(|tracking| tracking.step(&mut self.frames))?;
+            if let Err(error) = due.try_for_each(|tracking| tracking.step(&mut self.frames)) {
+                if self.frames() == before {
+                    return Err(error);
+                }
+                problem = Some(error.to_string());
+                break;
+            }
         }
         let answer = |tracking: &mut Tracking| {
             let rows = tracking.take_rows();
             let detail = parsed(tracking.detail(tracking.last()).filter(|_| !rows.is_empty()));
             json!({ "rows": rows, "detail": detail, "surface": tracking.surface(), "ended": tracking.ended() })
         };
-        Ok(json!({ "targets": self.all.iter_mut().map(answer).collect::<Vec<_>>() }))
+        Ok(json!({ "targets": self.all.iter_mut().map(answer).collect::<Vec<_>>(), "problem": problem }))
     }
 
     /// Returns particles, glimpse and gazes of a frame (from 1).

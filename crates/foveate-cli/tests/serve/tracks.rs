@@ -20,6 +20,35 @@ fn tracked(server: &Server, session: &Value) -> Vec<[f64; 4]> {
     }
 }
 
+/// Where a video is damaged: what was tracked before it comes to the page, with the reason; then the reason alone.
+#[test]
+fn frames_before_damage_reach_the_page() {
+    let dir = place();
+    let picture = dir.path().join("seen/clip/006.png");
+    let bytes = std::fs::read(&picture).expect("a picture");
+    std::fs::write(&picture, &bytes[..bytes.len() / 2]).expect("a writable folder");
+    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let session = &open(&server, "0/clip")["session"];
+    let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast" });
+    assert_eq!(server.ask(&start.to_string()).0, 200);
+    let step = || server.ask(&json!({ "op": "step", "session": session, "frames": 200 }).to_string());
+    let mut frames = 1;
+    let problem = loop {
+        let (status, answer) = step();
+        assert_eq!(status, 200, "{answer}");
+        frames += boxes_of(&answer["targets"][0]).len();
+        if let Some(problem) = answer["problem"].as_str() {
+            break problem.to_owned();
+        } else if frames == 6 {
+            break String::new();
+        }
+    };
+    assert_eq!(frames, 6);
+    let (status, answer) = step();
+    assert!(status == 400 && answer["error"].as_str().is_some_and(|error| error.contains("006.png")), "{answer}");
+    assert!(problem.is_empty() || answer["error"] == problem, "{problem}");
+}
+
 #[test]
 fn messages_track_correct_and_save() {
     let dir = place();

@@ -25,6 +25,8 @@ pub(super) fn open(address: &Path) -> Result<(Source<Open>, SourceInfo)> {
     let (mut source, meter) = newest(Box::new(source), pace, late);
     // The number of frames of a file is an estimate; here the source ends with its last frame.
     let info = SourceInfo { frames: None, ..source.info().clone() };
+    let mut recent = Recent::new(info.size());
+    recent.remarks = source.remarks();
     let mut counted = 0;
     let pull: Pull = Box::new(move |recent| {
         let deadline = Instant::now() + PATIENCE;
@@ -45,5 +47,5 @@ pub(super) fn open(address: &Path) -> Result<(Source<Open>, SourceInfo)> {
             None => Ok(()),
         }
     });
-    Ok((Source::Live(Recent::new(info.size()), Some(pull)), info))
+    Ok((Source::Live(recent, Some(pull)), info))
 }
