@@ -162,7 +162,8 @@ impl<const D: usize> Direct<D> {
         let target = self.target;
         let reached = |value: f64| value >= target; // never NaN
         while self.evaluations < most && !reached(best.1) {
-            self.choose(best.1, worst);
+            // Until a point is allowed all rectangles are equally good.
+            self.choose(best.1, if worst.is_finite() { worst } else { 0.0 });
             if self.chosen.is_empty() {
                 break; // nothing is left that could be cut
             }

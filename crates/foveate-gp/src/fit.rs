@@ -14,7 +14,7 @@ const RIDGE: f64 = 0.1;
 pub struct Fit {
     /// ln p(values | hyper-parameters) + ln p(hyper-parameters) at the hyper-parameters found.
     pub log_posterior: f64,
-    /// Steps taken.
+    /// Line searches made.
     pub iterations: usize,
     /// Factors made.
     pub evaluations: usize,

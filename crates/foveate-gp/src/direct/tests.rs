@@ -213,6 +213,9 @@ fn what_is_not_allowed_is_avoided() {
         assert!(value > 0.98 && ring(&x) == value, "{form:?}: {value} at {x:?}");
         let (x, value) = Direct::new(form).maximise([0.0; 2], [4.0, 2.0], 300, |_| f64::NAN);
         assert!(x == [2.0, 1.0] && value.is_nan());
+        // Then all places are equally good, as where all values are the same.
+        let points = |value: f64| trace(&mut Direct::new(form), 300, false, move |_| value);
+        assert!(points(f64::NAN) == points(1.0), "{form:?}");
     }
 }
 
