@@ -73,7 +73,10 @@ const ENTRIES: usize = 32;
 
 #[inline(always)]
 fn byte_products_body<const V: u8>(rows: &[i8], x: &[i8], out: &mut [i32]) {
-    let n = x.len().max(1);
+    if x.is_empty() {
+        return out.fill(0);
+    }
+    let n = x.len();
     for (out, rows) in out.chunks_mut(ROWS).zip(rows.chunks(ROWS * n)) {
         #[cfg(target_arch = "x86_64")]
         if V >= AVX512 && n.is_multiple_of(ENTRIES) && rows.len() == ROWS * n && out.len() == ROWS {
@@ -124,6 +127,8 @@ mod tests {
                 let mut out = vec![0; rows as usize];
                 byte_products_at(level, &all, &x, &mut out);
                 assert_eq!(out, right, "{level:?}, {n} values");
+                byte_products_at(level, &all, &[], &mut out);
+                assert!(out.iter().all(|sum| *sum == 0), "{level:?}");
             }
         }
     }

@@ -205,12 +205,14 @@ fn extend_body<const V: u8>(
     let n = column.len() - 1;
     solve_body::<V>(u, stride, reciprocal, &mut column[..n]);
     let mut pivot = column[n];
-    for (k, c) in column[..n].iter().enumerate() {
+    for c in &column[..n] {
         pivot = fused::<V>(-c, *c, pivot);
-        u[k * stride + n] = *c;
     }
     let good = pivot > floor && pivot < f64::INFINITY;
     if good {
+        for (k, c) in column[..n].iter().enumerate() {
+            u[k * stride + n] = *c;
+        }
         reciprocal[n] = 1.0 / pivot.sqrt();
         u[n * stride + n] = pivot * reciprocal[n];
     }
@@ -304,8 +306,8 @@ levels! {
 }
 
 levels! {
-    /// Adds a row to the factor: `column` is A's next column down to the diagonal, and becomes U's above the
-    /// diagonal. Returns false, without change, if the pivot is not above `floor`.
+    /// Adds a row to the factor: `column` is A's next column down to the diagonal, not empty, and is overwritten with U's
+    /// above the diagonal. Returns false, with the factor unchanged, if the pivot is not above `floor`.
     pub fn extend / extend_at (
         u: &mut [f64], stride: usize, floor: f64, reciprocal: &mut [f64], column: &mut [f64],
     ) -> bool = extend_body

@@ -49,6 +49,11 @@ fn a_factor_that_grew_has_the_bits_of_one_made_at_once() {
         let (mut grown, mut r) = (vec![0.0; stride * stride], vec![0.0; stride]);
         for i in 0..n {
             let mut column: Vec<f64> = (0..=i).map(|k| a[k * stride + i]).collect();
+            // A pivot that is not positive changes nothing.
+            let (before, mut doubtful) = ((grown.clone(), r.clone()), column.clone());
+            doubtful[i] = f64::NEG_INFINITY;
+            assert!(!extend_at(level, &mut grown, stride, 0.0, &mut r, &mut doubtful));
+            assert!((&grown, &r) == (&before.0, &before.1), "{level:?}");
             assert!(extend_at(level, &mut grown, stride, 0.0, &mut r, &mut column));
         }
         let (mut once, mut r_once) = (a.clone(), vec![0.0; stride]);
