@@ -10,7 +10,7 @@ mod solver;
 pub use self::fit::{Examples, Fit, Solution, solve};
 
 use crate::rbm::io;
-use crate::rbm::io::Metadata;
+use crate::rbm::io::{Metadata, is_usable};
 use crate::rbm::product::rows_times;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result, files};
@@ -39,14 +39,14 @@ struct About {
 impl Softmax {
     /// From W (n_in × n_c, row-major), b (n_c) and T.
     ///
-    /// Fails if they do not fit, a number is not finite, or T is not within 0.001 and 1000.
+    /// Fails if they do not fit, a number is not finite or beyond 1e8, or T is not within 0.001 and 1000.
     pub fn new(weights: Vec<f32>, bias: Vec<f32>, temperature: f64) -> Result<Self> {
         let n = bias.len();
-        let finite = weights.iter().chain(&bias).all(|x| x.is_finite());
+        let finite = weights.iter().chain(&bias).all(|x| is_usable(*x));
         let fits = (2..=MOST).contains(&n) && !weights.is_empty() && weights.len().is_multiple_of(n);
         if !fits || !finite || !(1e-3..=1e3).contains(&temperature) {
             return Err(Error::Invalid(format!(
-                "a classifier has 2 to {MOST} classes and finite numbers; got {n} classes, {} weights, temperature {temperature}",
+                "a classifier has 2 to {MOST} classes and finite numbers up to 1e8; got {n} classes, {} weights, temperature {temperature}",
                 weights.len()
             )));
         }

@@ -14,6 +14,7 @@ mod train;
 pub use self::train::{Recipe, Trainer};
 
 use crate::rbm::Whitening;
+use crate::rbm::io::is_usable;
 use crate::rbm::product::rows_times;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};
@@ -43,13 +44,13 @@ impl PatchFilters {
     /// From a whitening of patches, filters (n_x × K, row-major) and the softening of contrasts (above 0), if patches lose their mean.
     ///
     /// # Errors
-    /// They do not fit, are more than [`MOST`], or a number is not finite.
+    /// They do not fit, are more than [`MOST`], or a number is not finite or beyond 1e8.
     pub fn new(whitening: Whitening, filters: Vec<f32>, softening: Option<f32>) -> Result<Self> {
         let (n_p, n_x) = whitening.shape();
         let k = filters.len() / n_x;
         let fits = n_p <= MOST.0 && (1..=MOST.1).contains(&k) && filters.len() == n_x * k;
-        let softened = softening.is_none_or(|s| s > 0.0 && s.is_finite());
-        if !(fits && softened && filters.iter().all(|x| x.is_finite())) {
+        let softened = softening.is_none_or(|s| s > 0.0 && is_usable(s));
+        if !(fits && softened && filters.iter().all(|x| is_usable(*x))) {
             return Err(Error::Invalid(format!(
                 "filters have patches of at most {} values, are 1 to {} of {n_x} finite numbers, with a softening above 0 or none; got \
                  patches of {n_p}, {} numbers, softening {softening:?}",

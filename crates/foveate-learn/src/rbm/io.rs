@@ -168,7 +168,7 @@ pub fn unpack<T: Serialize + DeserializeOwned>(
         }
         let numbers = view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
         let values: Vec<f32> = numbers.collect();
-        if let Some(x) = values.iter().find(|x| x.is_finite() && x.abs() > LARGEST) {
+        if let Some(x) = values.iter().find(|x| x.is_finite() && !is_usable(**x)) {
             return Err(format!(
                 "the tensor {name} has a number {x:e}, beyond {LARGEST:e}: sums of it would not be numbers"
             ));
@@ -184,6 +184,10 @@ pub fn unpack<T: Serialize + DeserializeOwned>(
 
 /// The largest number of a model, either way: products of four, summed up over a million, are numbers still.
 const LARGEST: f32 = 1e8;
+/// Whether a model may have this number: a finite one that its file is read with.
+pub(crate) fn is_usable(x: f32) -> bool {
+    x.abs() <= LARGEST
+}
 
 /// The model in the bytes of a model file, built by `take` from all of its tensors, and the metadata of the file.
 ///

@@ -4,6 +4,7 @@
 //! Either way p(hⱼ = 1 | v) = σ(cⱼ + vᵀW·ⱼ), and p(v) ∝ exp(−F(v)) with the free energy F(v) = −log Σₕ exp(−E(v, h)).
 //! v has n_v numbers (in [0, 1], or standardised), h has n_h (0 or 1); energies are in nats.
 
+use super::io::is_usable;
 use super::product::{rows_times, rows_times_transposed};
 use super::units::{add_bias, dot, softplus, visible_energy};
 use super::visible::Visible;
@@ -25,7 +26,7 @@ pub struct Rbm {
 impl Rbm {
     /// A machine from its parameters; `weights` is n_v × n_h, row-major. The lengths of the biases are n_v and n_h.
     ///
-    /// Fails if a side is empty, the shapes do not fit, or a number is not finite.
+    /// Fails if a side is empty, the shapes do not fit, or a number is not finite or beyond 1e8.
     pub fn new(visible: Visible, weights: Vec<f32>, visible_bias: Vec<f32>, hidden_bias: Vec<f32>) -> Result<Self> {
         let (n_v, n_h) = (visible_bias.len(), hidden_bias.len());
         if n_v == 0 || n_h == 0 || n_v.checked_mul(n_h) != Some(weights.len()) {
@@ -35,8 +36,11 @@ impl Rbm {
             )));
         }
         for (name, values) in [("weights", &weights), ("visible_bias", &visible_bias), ("hidden_bias", &hidden_bias)] {
-            if let Some(i) = values.iter().position(|x| !x.is_finite()) {
-                return Err(Error::Invalid(format!("an RBM needs finite numbers, but {name}[{i}] is {}", values[i])));
+            if let Some(i) = values.iter().position(|x| !is_usable(*x)) {
+                return Err(Error::Invalid(format!(
+                    "an RBM needs finite numbers up to 1e8, but {name}[{i}] is {}",
+                    values[i]
+                )));
             }
         }
         Ok(Self { n_v, n_h, visible, weights, visible_bias, hidden_bias })

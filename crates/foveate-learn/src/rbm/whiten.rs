@@ -3,6 +3,7 @@
 //! x = (v − m) U Λ^(−½), with the leading eigenvectors U and eigenvalues Λ of the rows' covariance. A machine that learns
 //! covariances must not spend its units on those of second order that a linear map can take away.
 
+use super::io::is_usable;
 use super::product::rows_times;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};
@@ -33,8 +34,8 @@ impl Whitening {
                 matrix.len()
             )));
         }
-        if !mean.iter().chain(&matrix).all(|x| x.is_finite()) {
-            return Err(Error::Invalid("a whitening needs finite numbers".into()));
+        if !mean.iter().chain(&matrix).all(|x| is_usable(*x)) {
+            return Err(Error::Invalid("a whitening needs finite numbers up to 1e8".into()));
         }
         let whitening = Self { mean, matrix };
         match whitening.precisions().into_iter().position(|p| p == 0.0) {

@@ -51,7 +51,7 @@ impl EpochState {
     /// The error of a diverged training.
     pub fn diverged(&self) -> Error {
         Error::Invalid(format!(
-            "the training diverged in epoch {}: its numbers are no longer finite; use a lower rate",
+            "the training diverged in epoch {}: its numbers are no longer finite, or beyond 1e8; use a lower rate",
             self.epoch + 1
         ))
     }

@@ -7,7 +7,7 @@ mod epochs;
 
 pub use self::epochs::EpochState;
 
-use crate::rbm::io::{Tensor, pack, read, unpack};
+use crate::rbm::io::{Tensor, is_usable, pack, read, unpack};
 use foveate_base::{Error, Result, files};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -65,9 +65,9 @@ pub trait Training: Sized {
             self.step(data);
         }
     }
-    /// Fails if a number is not finite: the training has diverged.
+    /// Fails if a number is not finite, or so large that the file would not be read: the training has diverged.
     fn check(&mut self) -> Result<()> {
-        let finite = self.parts().iter().all(|(_, values)| values.iter().all(|x| x.is_finite()));
+        let finite = self.parts().iter().all(|(_, values)| values.iter().all(|x| is_usable(*x)));
         if finite { Ok(()) } else { Err(self.state().diverged()) }
     }
     /// Writes a checkpoint; the file is whole or unchanged. `data` identifies the data of all epochs.
@@ -86,8 +86,8 @@ pub trait Training: Sized {
     /// Continues from a checkpoint. `first` are the data of the first epoch, and `data` identifies the data of all epochs.
     ///
     /// # Errors
-    /// The checkpoint is of another recipe (the number of epochs apart, see [`Training::EXTENDS`]) or of other data, or
-    /// the file is damaged.
+    /// The checkpoint is of another recipe (the number of epochs apart, see [`Training::EXTENDS`]) or of other data, has
+    /// done more epochs than are asked for, or is damaged.
     fn resume(path: &Path, recipe: Self::Recipe, first: Self::Data<'_>, data: &str) -> Result<Self> {
         let no = |problem: String| Error::malformed(path, format!("cannot continue from this checkpoint: {problem}"));
         let (found, mut tensors, sealed) = unpack::<Progress>(&read(path)?, Self::CHECKPOINT).map_err(no)?;
@@ -109,6 +109,14 @@ pub trait Training: Sized {
         }
         if found.batch >= trainer.batches(first) {
             return Err(no("it counts more batches than the data have".into()));
+        }
+        let epochs = trainer.state().epochs();
+        if (found.epoch, found.batch) > (epochs, 0) {
+            let more = format!("it has done more than the {epochs} epochs that are asked for");
+            return Err(no(format!(
+                "{more} ({} and {} batches); ask for more, or remove it to begin anew",
+                found.epoch, found.batch
+            )));
         }
         (trainer.state_mut().epoch, trainer.state_mut().batch) = (found.epoch, found.batch);
         trainer.check()?;

@@ -1,7 +1,7 @@
 //! The checkpoints of an RBM's trainer.
 
 use super::{Training, interrupted};
-use crate::rbm::{Negative, Recipe, Sparsity, Trainer, Visible};
+use crate::rbm::{Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
 use foveate_base::rows::Rows;
 use std::path::Path;
 
@@ -43,6 +43,10 @@ fn checkpoints_of_something_else_are_refused() {
     assert!(why(recipe.clone(), "def").contains("other data"));
     assert!(why(Recipe { rate: 0.3, ..recipe.clone() }, "abc").contains("it was begun as"));
     assert!(Trainer::resume(&path, Recipe { epochs: 99, ..recipe.clone() }, rows, "abc").is_ok());
+    trainer.epoch(rows);
+    trainer.save(&path, "abc").expect("a writable folder");
+    assert!(Trainer::resume(&path, Recipe { epochs: 2, ..recipe.clone() }, rows, "abc").is_ok());
+    assert!(why(Recipe { epochs: 1, ..recipe.clone() }, "abc").contains("more than the 1 epochs that are asked for"));
     let bytes = std::fs::read(&path).expect("just written");
     for cut in (0..bytes.len()).step_by(17) {
         std::fs::write(&path, &bytes[..cut]).expect("a writable folder");
@@ -63,4 +67,8 @@ fn a_diverged_training_is_an_error() {
     }
     let message = trainer.save(Path::new("no/such/folder"), "").expect_err("diverged").to_string();
     assert!(message.contains("diverged") && message.contains("lower rate"), "{message}");
+    // What would be saved could not be read.
+    for (weight, fits) in [(1e8, true), (2e8, false)] {
+        assert_eq!(Rbm::new(Visible::Gaussian, vec![weight], vec![0.0], vec![0.0]).is_ok(), fits);
+    }
 }

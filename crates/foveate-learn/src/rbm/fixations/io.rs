@@ -63,7 +63,9 @@ impl FixationRbm {
         let refuse = |problem: String| {
             foveate_base::Error::malformed(
                 path,
-                format!("not a usable model: {problem}; `foveate train fixations` makes one"),
+                format!(
+                    "not a usable model: {problem}; `foveate train fixations` makes one of digits, `foveate train classifier` of other pictures"
+                ),
             )
         };
         let (file, mut tensors, sealed) = io::unpack::<File>(bytes, "fixations").map_err(refuse)?;

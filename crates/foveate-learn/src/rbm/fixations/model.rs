@@ -1,5 +1,6 @@
 //! The machine itself: energy, free energy, hidden units, classes.
 
+use super::super::io::is_usable;
 use super::super::units::{add_bias, dot, softplus};
 use super::batch::{add, add_gated, classify, gates_of, gather, times};
 use super::parameters::{Offset, Parameters, Shape};
@@ -43,8 +44,8 @@ impl FixationRbm {
         places: Places,
         window: usize,
     ) -> Result<Self> {
-        if !parameters.is_finite() || !offset.iter().all(|x| x.is_finite()) {
-            return Err(Error::Invalid("a multi-fixation RBM needs finite numbers".into()));
+        if !parameters.is_usable() || !offset.iter().all(|x| is_usable(*x)) {
+            return Err(Error::Invalid("a multi-fixation RBM needs finite numbers up to 1e8".into()));
         }
         let mut offset_seen = vec![0.0; shape.factors];
         times(Rows::new(&offset, shape.n_v), &parameters.filters, &mut offset_seen);

@@ -1,6 +1,6 @@
 //! The numbers of a machine, or as many numbers: their gradient, their moments, their mean.
 
-use super::super::io::Tensor;
+use super::super::io::{Tensor, is_usable};
 
 /// How large a machine is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +81,7 @@ impl Parameters {
         let values = NAMES.into_iter().zip(Self::shapes(s)).zip(self.all());
         values.filter(|(_, values)| !values.is_empty()).map(|((name, shape), values)| (name, shape, &**values))
     }
-    pub(super) fn is_finite(&self) -> bool {
-        self.all().into_iter().flatten().all(|x| x.is_finite())
+    pub(super) fn is_usable(&self) -> bool {
+        self.all().into_iter().flatten().all(|x| is_usable(*x))
     }
 }
