@@ -27,7 +27,7 @@ impl Recognised {
     /// Follows a video's target from its true first box.
     ///
     /// # Errors
-    /// The tracker has no recogniser of ten classes or more, or refuses the first box.
+    /// The tracker has no recogniser of ten classes, or refuses the first box.
     pub(crate) fn follow(video: &dyn Drawn, tracker: &mut Tracker) -> Result<Self> {
         let digit = video.label();
         let mut run = Self { digit, ..Self::default() };

@@ -49,8 +49,8 @@ pub fn follow(
 }
 
 /// Fits weights, bias, second-tracker weights and localisation on these tracks; everything else stays. Videos without an inserted
-/// occlusion count about five times as much as those with one, for any numbers of frames: few videos contain a loss, and a model fitted
-/// mostly on occlusions overestimates P(lost).
+/// occlusion count 3 to 7 times as much as those with one, if neither kind has more than ten times the frames of the other: few videos
+/// contain a loss, and a model fitted mostly on occlusions overestimates P(lost).
 ///
 /// # Errors
 /// There is no frame, or none of one of the two kinds.

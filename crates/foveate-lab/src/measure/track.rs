@@ -51,6 +51,8 @@ impl Position {
 
 /// The largest number of a frame.
 const LAST: f64 = 1e9;
+/// The largest number of a track: squares of larger ones, summed up, would not be numbers.
+const MOST: f64 = 1e12;
 
 /// Reads the track.csv of a run.
 ///
@@ -80,8 +82,9 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<Position>> {
         let cells: Vec<&str> = line.split(',').collect();
         let cell = |i: usize| cells.get(columns[i]).copied().unwrap_or_default();
         let number = |i: usize| {
-            let value = cell(i).parse::<f64>().ok().filter(|value| value.is_finite());
-            let problem = || format!("line {}: {} is \"{}\"; expected a number", k + 2, NAMES[i], cell(i));
+            let value = cell(i).parse::<f64>().ok().filter(|value| value.abs() <= MOST);
+            let problem =
+                || format!("line {}: {} is \"{}\"; expected a number up to {MOST:e}", k + 2, NAMES[i], cell(i));
             value.ok_or_else(|| Error::malformed(path, problem()))
         };
         let given = cell(4).is_empty();

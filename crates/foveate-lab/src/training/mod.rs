@@ -92,7 +92,7 @@ impl Source {
             Pictures::Photographs(images) => format!("{} photographs", images.len()),
         }
     }
-    /// Holds out every tenth digit or photograph: returns (training, held out). Fails with fewer than two.
+    /// Holds out every tenth digit or photograph: returns (training, held out). Fails with fewer than ten.
     pub fn split(&self) -> Result<(Self, Self)> {
         let part = |held: bool| {
             let takes = |i: &usize| (i % 10 == 9) == held;
@@ -127,6 +127,7 @@ impl Source {
     }
     /// Returns `n` glimpses, n × `retina.glimpse_len()` values: 0 to 1 for binary units, each channel standardised for Gaussian ones (as in
     /// the encoder). Deterministic in `seed`, for any number of threads. Fails if the glimpses need more memory than allowed.
+    /// Panics without a picture.
     pub fn glimpses(&self, retina: &Foveal, n: usize, visible: Visible, seed: u64) -> Result<Vec<f32>> {
         assert!(!self.is_empty(), "glimpses need a picture");
         let bytes = (n as u64).saturating_mul((size_of::<f32>() * retina.glimpse_len()) as u64);

@@ -31,7 +31,7 @@ impl Crossings {
         truth.sightings.retain(|s| s.confidence.trunc() != 0.0);
         let truth = &truth;
         let (truth_at, found_at) = (by_frame(truth), by_frame(results));
-        let frames = truth.frames();
+        let (begin, frames) = (truth.sightings.iter().map(|s| s.frame).min().unwrap_or(0), truth.frames());
         let tracks = |target: i64, frame: usize| -> Vec<i64> {
             let Some(bbox) = truth_at.get(&frame).and_then(|all| all.iter().find(|(id, _)| *id == target)) else {
                 return vec![];
@@ -42,7 +42,7 @@ impl Crossings {
         let mut sum = Self::default();
         for crossing in crossings(truth) {
             let ((a, b), (first, last)) = (crossing.pair, crossing.frames);
-            if first == 0 || last + 1 >= frames {
+            if first <= begin || last + 1 >= frames {
                 continue;
             }
             let before = |target: i64| {
@@ -115,6 +115,10 @@ mod tests {
         assert_eq!(Crossings::of(&truth, &renamed), Crossings { all: 1, preserved: 0, swapped: 0 });
         let both = Crossings::pooled([Crossings::of(&truth, &right), Crossings::of(&truth, &swapped)].iter());
         assert_eq!((both.share_preserved(), both.share_swapped()), (0.5, 0.5));
+        // Where the truth begins in the middle of it, nobody could have kept the tracks.
+        let late =
+            |all: &Tracks| Tracks { sightings: all.sightings.iter().filter(|s| s.frame > 13).copied().collect() };
+        assert_eq!(Crossings::of(&late(&truth), &late(&right)), Crossings::default());
         // A box that does not count crosses none.
         let mut ignored = truth.clone();
         ignored.sightings.iter_mut().filter(|s| s.id == 2).for_each(|s| s.confidence = 0.0);
