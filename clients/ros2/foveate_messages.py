@@ -97,9 +97,9 @@ class Follower:
         at = [i for i, (header, _, _) in enumerate(kept) if nanoseconds(header.stamp) == stamp]
         if not at:
             raise ValueError(f"none of the last {len(kept)} pictures has the stamp {stamp} ns; give the stamp of a picture, or 0")
-        self.reset()
         header, pixels, channels = kept[at[-1]]
         tracked = [Tracked(header, self._begin(header, pixels, channels, box))]
+        self.box = None
         for header, pixels, _ in kept[at[-1] + 1 :]:
             self.tracker.set_time(nanoseconds(header.stamp) / 1e9)
             self.seen = self.tracker.update(pixels)

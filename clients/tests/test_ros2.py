@@ -192,6 +192,10 @@ def test_a_box_starts_on_the_picture_with_its_stamp() -> None:
     assert late.seen is not None, "nothing has changed"
     with pytest.raises(ValueError):
         late.init(box((0.0, 0.0, math.nan, 4.0)))
+    seen = late.seen
+    with pytest.raises(ValueError):
+        late.init(box((9000.0, 9000.0, 30.0, 30.0), header(7)))
+    assert late.seen is seen and late.image(image(7), 10.0).seen.ok, "a box that does not fit keeps the target"
     late.reset()
     assert messages.detections(TYPES, late.image(image(8), 10.0)).detections == []
 
