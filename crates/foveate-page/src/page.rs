@@ -57,7 +57,11 @@ impl<H: Host> Page<H> {
         let mut about = session.about();
         let mut sessions = self.sessions();
         if sessions.open.len() >= MOST_SESSIONS {
-            sessions.open.remove(0);
+            // That of another page may have a track that nobody has saved.
+            let idle =
+                |session: &Arc<Mutex<Session<H>>>| session.try_lock().is_ok_and(|session| !session.is_tracking());
+            let at = sessions.open.iter().position(|(_, session)| idle(session)).unwrap_or(0);
+            sessions.open.remove(at);
         }
         sessions.last += 1;
         let id = sessions.last;

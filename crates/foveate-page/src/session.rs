@@ -97,6 +97,10 @@ impl<H: Host> Session<H> {
         Self::new(name, Source::Live(Recent::new(Size { width, height }), None), info, vec![])
     }
 
+    /// Returns whether it has a target.
+    pub(crate) fn is_tracking(&self) -> bool {
+        self.tracks.count() > 0
+    }
     fn is_live(&self) -> bool {
         matches!(self.source, Source::Live(..))
     }

@@ -44,6 +44,8 @@ fn frames_before_damage_reach_the_page() {
         }
     };
     assert_eq!(frames, 6);
+    // Others that are opened and left close each other.
+    (0..6).for_each(|_| drop(open(&server, "0/clip")));
     let (status, answer) = step();
     assert!(status == 400 && answer["error"].as_str().is_some_and(|error| error.contains("006.png")), "{answer}");
     assert!(problem.is_empty() || answer["error"] == problem, "{problem}");
@@ -140,8 +142,12 @@ fn messages_track_correct_and_save() {
             "{line}: {x},{y},{w},{h}"
         );
     }
-    // Four videos are open at most, and none leaves anything behind.
-    (0..4).for_each(|_| drop(open(&server, "0/clip")));
+    // Four videos are open at most, and none leaves anything behind. Of those that are tracked the oldest is closed.
+    for _ in 0..4 {
+        let session = &open(&server, "0/clip")["session"];
+        let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast" });
+        assert_eq!(server.ask(&start.to_string()).0, 200);
+    }
     assert_eq!(server.ask(&json!({ "op": "step", "session": session, "frames": 1 }).to_string()).0, 400);
     assert!(leftovers(dir.path()).is_empty(), "{:?}", leftovers(dir.path()));
 }

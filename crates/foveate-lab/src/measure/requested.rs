@@ -47,7 +47,7 @@ impl FromStr for FitRequest {
         };
         let known = Curve::ALL.map(|(name, _)| name).join(", ");
         parsed().ok_or_else(|| {
-            format!("expected CURVE:x or CURVE:y, with :FROM-TO for a range; the curves are {known}; got \"{text}\"")
+            format!("expected CURVE:x or CURVE:y, with :FROM-TO for the seconds FROM to a later TO; the curves are {known}; got \"{text}\"")
         })
     }
 }
