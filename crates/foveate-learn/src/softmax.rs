@@ -10,7 +10,8 @@ mod solver;
 pub use self::fit::{Examples, Fit, Solution, solve};
 
 use crate::rbm::io;
-use crate::rbm::io::{Metadata, is_usable};
+use crate::rbm::io::Metadata;
+use crate::rbm::number::is_usable;
 use crate::rbm::product::rows_times;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result, files};

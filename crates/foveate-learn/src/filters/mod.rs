@@ -14,7 +14,7 @@ mod train;
 pub use self::train::{Recipe, Trainer};
 
 use crate::rbm::Whitening;
-use crate::rbm::io::is_usable;
+use crate::rbm::number::is_usable;
 use crate::rbm::product::rows_times;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};

@@ -3,6 +3,7 @@
 //! The metadata have the format, the kind, the origin of the model, and a SHA-256 of the rest, so that a damaged file
 //! is detected. The same model gives the same bytes.
 
+use super::number::{LARGEST, is_usable};
 use super::{Rbm, Visible};
 use foveate_base::{Error, Result, files};
 use safetensors::tensor::TensorView;
@@ -180,13 +181,6 @@ pub fn unpack<T: Serialize + DeserializeOwned>(
     let found = seal(&header, views.iter().map(|(name, view)| (*name, view)).collect());
     let sealed = if found == promised { Ok(()) } else { Err("its checksum is wrong: the file is damaged".to_string()) };
     Ok((header.about, tensors, sealed))
-}
-
-/// The largest number of a model, either way: products of four, summed up over a million, are numbers still.
-const LARGEST: f32 = 1e8;
-/// Whether a model may have this number: a finite one that its file is read with.
-pub(crate) fn is_usable(x: f32) -> bool {
-    x.abs() <= LARGEST
 }
 
 /// The model in the bytes of a model file, built by `take` from all of its tensors, and the metadata of the file.

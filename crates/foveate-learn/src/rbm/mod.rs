@@ -6,6 +6,7 @@ pub mod fixations;
 pub mod io;
 pub mod likelihood;
 pub mod monitor;
+pub(crate) mod number;
 pub mod online;
 #[cfg(test)]
 mod oracle_tests;

@@ -4,7 +4,7 @@
 //! Either way p(hⱼ = 1 | v) = σ(cⱼ + vᵀW·ⱼ), and p(v) ∝ exp(−F(v)) with the free energy F(v) = −log Σₕ exp(−E(v, h)).
 //! v has n_v numbers (in [0, 1], or standardised), h has n_h (0 or 1); energies are in nats.
 
-use super::io::is_usable;
+use super::number::is_usable;
 use super::product::{rows_times, rows_times_transposed};
 use super::units::{add_bias, dot, softplus, visible_energy};
 use super::visible::Visible;

@@ -3,7 +3,7 @@
 //! x = (v − m) U Λ^(−½), with the leading eigenvectors U and eigenvalues Λ of the rows' covariance. A machine that learns
 //! covariances must not spend its units on those of second order that a linear map can take away.
 
-use super::io::is_usable;
+use super::number::is_usable;
 use super::product::rows_times;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};

@@ -7,7 +7,8 @@ mod epochs;
 
 pub use self::epochs::EpochState;
 
-use crate::rbm::io::{Tensor, is_usable, pack, read, unpack};
+use crate::rbm::io::{Tensor, pack, read, unpack};
+use crate::rbm::number::is_usable;
 use foveate_base::{Error, Result, files};
 use serde::{Deserialize, Serialize};
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! The machine itself: energy, free energy, hidden units, classes.
 
-use super::super::io::is_usable;
+use super::super::number::is_usable;
 use super::super::units::{add_bias, dot, softplus};
 use super::batch::{add, add_gated, classify, gates_of, gather, times};
 use super::parameters::{Offset, Parameters, Shape};

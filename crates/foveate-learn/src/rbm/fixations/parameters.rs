@@ -1,6 +1,7 @@
 //! The numbers of a machine, or as many numbers: their gradient, their moments, their mean.
 
-use super::super::io::{Tensor, is_usable};
+use super::super::io::Tensor;
+use super::super::number::is_usable;
 
 /// How large a machine is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
