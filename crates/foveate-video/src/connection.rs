@@ -337,7 +337,7 @@ fn arguments(scheme: &Scheme, address: &Path, listen: bool, size: Size) -> Vec<O
         vec!["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+verbose", "-thread_type", "slice"];
     options.extend(scheme.listen.filter(|_| listen).unwrap_or_default());
     let most = most_pixels();
-    options.extend(["-max_pixels", &most]);
+    options.extend(["-flags", "unaligned", "-max_pixels", &most]);
     let scale =
         if size.width > 0 { format!("scale={}:{},{FORMATS}", size.width, size.height) } else { FORMATS.to_owned() };
     let mut all: Vec<OsString> = options.into_iter().map(OsString::from).collect();

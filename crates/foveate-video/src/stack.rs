@@ -51,15 +51,19 @@ impl TiffStack {
             let problem = "it has one page, but says that it has several pictures; save it as another stack, or as single pictures";
             return Err(wrong(problem.into()));
         }
-        let [channels, slices, times] = ["channels=", "slices=", "frames="].map(|key| said(key).unwrap_or(1.0));
-        if channels > 1.0 || slices > 1.0 && times > 1.0 {
+        // Of OME's XML, which other programs of microscopes write.
+        let attribute = |key: &str| text.split_once(&format!(" {key}=\""))?.1.split('"').next();
+        let either = |key: &str, name: &str| said(key).or_else(|| attribute(name)?.parse().ok());
+        let counts = [("channels=", "SizeC"), ("slices=", "SizeZ"), ("frames=", "SizeT")];
+        let [channels, slices, times] = counts.map(|(key, name)| either(key, name).unwrap_or(1.0));
+        if channels > first.planes() as f64 || slices > 1.0 && times > 1.0 {
             let found = format!("{channels} channels and {slices} slices a time");
             return Err(wrong(format!(
                 "expected a picture a time, found {found}; save one channel and slice as a stack"
             )));
         }
-        // ImageJ's unit of time; without a known one the interval says nothing.
-        let unit = match word("tunit=").unwrap_or("sec") {
+        // Without a known unit the interval says nothing.
+        let unit = match word("tunit=").or_else(|| attribute("TimeIncrementUnit")).unwrap_or("sec") {
             "sec" | "s" | "second" | "seconds" => 1.0,
             "msec" | "ms" => 1e-3,
             "usec" | "us" | "µs" => 1e-6,
@@ -67,8 +71,9 @@ impl TiffStack {
             "h" | "hr" | "hour" | "hours" => 3600.0,
             _ => f64::NAN,
         };
-        let seconds =
-            said("finterval=").map(|interval| interval * unit).filter(|seconds| (1e-6..1e6).contains(seconds));
+        let seconds = either("finterval=", "TimeIncrement")
+            .map(|interval| interval * unit)
+            .filter(|seconds| (1e-6..1e6).contains(seconds));
         let (width, height, rate) = (first.width(), first.height(), seconds.map_or(RATE, f64::recip));
         let reader = if frames == 1 { "one image" } else { "TIFF stack" }.into();
         let info = SourceInfo { width, height, frames: Some(frames), rate, reader };
@@ -199,7 +204,17 @@ mod tests {
             assert!(text.contains("expected a picture a time"), "{text}");
         }
         // A video that was opened as slices.
-        assert!(stack(&described("ImageJ=1.54f\nslices=1\n")).is_ok());
+        assert!(stack(&described("ImageJ=1.54f\nslices=9\n")).is_ok());
+        let ome = |counts: &str| {
+            format!(
+                "<?xml version=\"1.0\"?><OME><Pixels {counts} TimeIncrement=\"1.5\" TimeIncrementUnit=\"min\"/></OME>"
+            )
+        };
+        let text = problem(stack(&described(&ome("ID=\"1\" SizeC=\"2\" SizeT=\"3\" SizeZ=\"1\""))));
+        assert!(text.contains("found 2 channels and 1 slices"), "{text}");
+        let found =
+            stack(&described(&ome("ID=\"1\" SizeC=\"1\" SizeT=\"3\" SizeZ=\"1\""))).expect("a stack").info().rate;
+        assert!((found * 90.0 - 1.0).abs() < 1e-12, "{found}");
         let text = problem(stack(&described("ImageJ=1.54f\nimages=3\nfinterval=0.25\n")));
         assert!(text.contains("says that it has several"), "{text}");
     }
