@@ -47,4 +47,6 @@ fn mistakes_are_errors_before_the_work() {
     says(&["patch=9"], "patch is 2 to 8 cells, got 9");
     says(&["training.softening=0"], "softening is above 0");
     says(&["patches=10"], "need as many patches");
+    // Its picture of the filters would replace it.
+    fails(command(dir.path(), "m.png", &[]), "the picture of the filters gets this name");
 }

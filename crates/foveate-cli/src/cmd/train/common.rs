@@ -184,6 +184,11 @@ impl<'a> Files<'a> {
     /// Fails if a folder is missing or a folder has the name of a file, so that the error comes before the work.
     pub fn of(model: &'a Path, restart: bool) -> Result<Self> {
         let picture = model.with_extension("png");
+        if picture == model {
+            let problem =
+                "the picture of the filters gets this name; give the model another one, such as model.safetensors";
+            return Err(Error::Invalid(format!("--out {}: {problem}", model.display())));
+        }
         [model, &picture].into_iter().try_for_each(writable)?;
         let mut checkpoint = model.to_path_buf().into_os_string();
         checkpoint.push(".checkpoint");

@@ -86,7 +86,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
         let problem = "--out is the file of the table; its plot gets the same name with .svg; give another name, such as confidence.toml";
         return Err(Error::Invalid(format!("{}: {problem}", args.out.display())));
     }
-    for path in [&args.out, &args.out.with_extension("svg")].into_iter().chain(&args.cues) {
+    let plot = args.out.with_extension("svg");
+    if let Some(cues) = args.cues.as_ref().filter(|cues| [&args.out, &plot].contains(cues)) {
+        let problem = "table or plot is written to the same file; give another one";
+        return Err(Error::Invalid(format!("--cues {}: {problem}", cues.display())));
+    }
+    for path in [&args.out, &plot].into_iter().chain(&args.cues) {
         writable(path)?;
         spare(path, &[args.config.as_ref()])?;
     }

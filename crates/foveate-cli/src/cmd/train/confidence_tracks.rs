@@ -31,10 +31,10 @@ pub(super) struct Tracked {
     #[arg(long, value_enum, conflicts_with = "seqs")]
     scene: Option<SceneName>,
     /// Side of the digit in the partial scene, pixels
-    #[arg(long, default_value_t = 28)]
+    #[arg(long, default_value_t = 28, requires = "scene")]
     side: usize,
     /// Folder with MNIST's test files, for scenes. If omitted, digits are drawn with pen strokes
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", requires = "scene")]
     data: Option<PathBuf>,
     /// Number of tracker seeds, counting up from --seed
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
