@@ -8,7 +8,7 @@ use foveate::text::counted;
 use foveate::{Error, Result};
 
 use super::convert::Format;
-use super::results::spare;
+use super::results::{self, spare};
 use super::track;
 use super::track::init::parse_box;
 
@@ -138,7 +138,7 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
     } = args;
     let lens = calibration.as_deref().map(Lens::read).transpose()?;
     let mut settings = Settings { axes: Axes { ruler, origin, angle }, lens, picture: None, clock, fits };
-    let names = named(names, if file.is_some() { 1 } else { run.init.len().max(1) })?;
+    let names = named(names, if file.is_some() { 1 } else { run.init.len().max(1) }, file.is_some())?;
     let Some(file) = file else {
         if let Some((path, format)) = keyframes.as_ref().zip(format) {
             run.start_at_key_frames(path, format)?;
@@ -168,19 +168,24 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
     let measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
     measure::write(folder, (&file.display().to_string(), run.input.selection().scale), &measured)?;
+    // Of that track: another one in the same folder must not find them.
+    if file.canonicalize().ok().as_deref().and_then(Path::parent) == folder.canonicalize().ok().as_deref() {
+        results::add(folder, &measure::FILES)?;
+    }
     measure::text(&measured).iter().for_each(|line| say!("{line}"));
     say!("{}: {}", folder.display(), measure::FILES.join(", "));
     Ok(())
 }
 
 /// Returns the names of so many points: those given, or their numbers.
-fn named(names: Vec<String>, count: usize) -> Result<Vec<String>> {
+fn named(names: Vec<String>, count: usize, tracked: bool) -> Result<Vec<String>> {
     if names.is_empty() {
         return Ok((1..=count).map(|k| k.to_string()).collect());
     }
     let (points, given) = (counted(count, "point"), counted(names.len(), "name"));
     if names.len() != count {
-        return Err(Error::Invalid(format!("--names: {given} for {points}; give one for each --init")));
+        let advice = if tracked { "a track has one point" } else { "give one for each --init" };
+        return Err(Error::Invalid(format!("--names: {given} for {points}; {advice}")));
     }
     if let Some(name) = names.iter().enumerate().find_map(|(i, name)| names[..i].contains(name).then_some(name)) {
         return Err(Error::Invalid(format!("--names: two points are named {name:?}; give each its own")));

@@ -71,6 +71,15 @@ pub(super) fn is_finished(folder: &Path) -> bool {
     manifest(folder).is_some_and(|run| run.complete && run.ended.is_none_or(|ended| ended == Ended::Finished))
 }
 
+/// Adds files to those of the run in a folder, so that the next run there replaces or removes them.
+pub(super) fn add(folder: &Path, names: &[&str]) -> Result<()> {
+    let Some(mut run) = manifest(folder).filter(|run| run.complete) else { return Ok(()) };
+    run.files.extend(names.iter().map(|name| (*name).to_owned()));
+    run.files.sort();
+    run.files.dedup();
+    run.write(folder)
+}
+
 /// The results of a run in progress. If dropped before [`Results::keep`], they are removed.
 pub(super) struct Results {
     /// The output folder, as requested and with links resolved.

@@ -27,6 +27,18 @@ fn a_video_and_its_track_give_the_same_measurement() {
     let later = place.run(&later);
     assert!(String::from_utf8_lossy(&later.stdout).contains("25 frames per second"), "{}", errors(&later));
     assert!(place.read("out/measure.csv") == place.read("later/measure.csv"));
+    // Another track in the same folder has no measurement yet.
+    let there = |args: &[&str]| {
+        let output = place.run(args);
+        assert!(output.status.success(), "{}", errors(&output));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    there(&["track", "video", "-c", "c.toml", "--no-video", "--no-report", "-o", "same"]);
+    there(&["measure", "--track", "same/track.csv", "--fps", "240", "-o", "same"]);
+    assert!(there(&["measure", "--track", "same/track.csv", "-o", "same"]).contains("240 frames per second"));
+    there(&["track", "video", "-c", "c.toml", "--no-video", "--no-report", "-o", "same"]);
+    assert_eq!(place.names("same"), ["boxes.txt", "run.json", "track.csv"]);
+    assert!(!there(&["measure", "--track", "same/track.csv", "-o", "same"]).contains("frames per second"));
     // A thing that moves with the target takes its motion away.
     let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
     let first = truth.lines().next().expect("a box").to_owned();
@@ -167,6 +179,20 @@ fn corrections_are_key_frames_and_a_lens_is_taken_out() {
         text.lines().nth(5).and_then(|line| line.split(',').nth(2)).and_then(|x| x.parse().ok()).expect("x")
     };
     assert!((x("flat") - x("plain")).abs() < 1e-6 && (x("bent") - x("plain")).abs() > 1e-3);
+    // Of several videos those that were measured with another calibration are not finished.
+    let several = || {
+        let videos = ["measure", "video", "other", "-c", "c.toml", "--no-video", "--no-report", "--lens", "flat.yml"];
+        place.run(&[&videos[..], &["-o", "several"]].concat())
+    };
+    std::fs::create_dir_all(place.path("other/img")).expect("a writable folder");
+    let pictures = (1..=FRAMES).map(|frame| format!("img/{frame:04}.png"));
+    for name in pictures.chain(["groundtruth_rect.txt".to_owned()]) {
+        std::fs::copy(place.path(&format!("video/{name}")), place.path(&format!("other/{name}"))).expect("copied");
+    }
+    assert!(several().status.success() && several().status.success());
+    std::fs::write(place.path("flat.yml"), calibration("", -0.1)).expect("writable");
+    let stale = several();
+    assert!(!stale.status.success() && errors(&stale).contains("another configuration"), "{}", errors(&stale));
 }
 
 #[test]

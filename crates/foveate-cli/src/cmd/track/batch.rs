@@ -175,7 +175,8 @@ fn settings() -> Result<String> {
     Ok(settings)
 }
 
-/// Returns a digest of the inputs of the results besides videos and first boxes: the configuration, its models and the program's version.
+/// Returns a digest of the inputs of the results besides videos and first boxes: the configuration, its models, the files of
+/// a measurement and the program's version.
 fn configuration(args: &Args) -> Result<String> {
     let (mut config, folder, _) = args.configured()?;
     if args.many.detect.is_some() {
@@ -184,6 +185,9 @@ fn configuration(args: &Args) -> Result<String> {
     let mut parts = vec![Entry::of(args.blueprint(config, &folder)?, "track")?.key.into_bytes()];
     for model in args.models().filter(|model| model.is_file()) {
         parts.push(files::read(model, files::MODEL)?);
+    }
+    for path in args.measure.iter().flat_map(|measure| &measure.inputs) {
+        parts.push(files::read(path, files::TEXT)?);
     }
     Ok(experiment::digest(&parts.iter().map(Vec::as_slice).collect::<Vec<_>>()))
 }
