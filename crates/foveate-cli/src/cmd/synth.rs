@@ -225,12 +225,6 @@ fn many(args: &MultiArgs) -> Result<()> {
     let settings = Multi { seed, targets, frames, scale, turn, crossings, clutter, noise, ink, ..Multi::default() };
     let (digits, from) = digits(args.data.as_deref(), args.seed)?;
     let video = settings.video(&digits)?;
-    if let Some(path) = &args.video {
-        let Size { width, height } = video.size();
-        let mut film = Mp4Writer::create(path, width, height, 30.0)?;
-        (0..video.frames()).try_for_each(|t| film.push(&video.render(t), t as f64 / 30.0))?;
-        film.finish()?;
-    }
     let name = args.out.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let Size { width, height } = video.size();
     let scene = toml::to_string(&settings).map_err(|e| Error::Invalid(e.to_string()))?;
@@ -253,6 +247,12 @@ fn many(args: &MultiArgs) -> Result<()> {
     let classes: Vec<u8> = video.movers().iter().map(|mover| mover.class).collect();
     let frames = video.frames();
     write_folder(&args.out, "img1", 6, video.source(), frames, &notes)?;
+    // After the folder, which may be refused.
+    if let Some(path) = &args.video {
+        let (video, mut film) = (settings.video(&digits)?, Mp4Writer::create(path, width, height, 30.0)?);
+        (0..frames).try_for_each(|t| film.push(&video.render(t), t as f64 / 30.0))?;
+        film.finish()?;
+    }
     say!("{}: {} of digits {classes:?} ({from})", args.out.display(), counted(frames, "frame"));
     Ok(())
 }
@@ -264,7 +264,11 @@ fn hide(args: &HideArgs) -> Result<()> {
         WayArg::Elsewhere => Way::Elsewhere,
     };
     let sequences = find_sequences(std::slice::from_ref(&args.seq))?;
-    let video = of_sequence(&sequences[0])?;
+    let [sequence] = &sequences[..] else {
+        let problem = format!("it has {}; give one of them", counted(sequences.len(), "sequence"));
+        return Err(Error::malformed(&args.seq, problem));
+    };
+    let video = of_sequence(sequence)?;
     let hide = Hide::choose(way, &video.truth, video.size, args.hidden, args.seed)?;
     let truth: Vec<_> = video.truth.iter().enumerate().map(|(t, b)| hide.truth(t, *b)).collect();
     let frames = video.truth.iter().enumerate().map(|(index, b)| {

@@ -24,6 +24,15 @@ fn the_truth_of_a_made_video_scores_best() {
     assert_eq!(std::fs::read_dir(path("seqs/three/img")).expect("images").count(), 12);
     let again = foveate(&["synth", "clutter", "--out", &video]);
     assert!(!again.status.success() && String::from_utf8_lossy(&again.stderr).contains("is there already"));
+    // Nor is the film of another scene replaced; and of two sequences none is taken.
+    std::fs::write(path("film.mp4"), "mine").expect("written");
+    let many = foveate(&["synth", "multi", "--frames", "30", "--out", &video, "--video", &path("film.mp4")]);
+    assert!(!many.status.success() && std::fs::read(path("film.mp4")).expect("kept") == b"mine");
+    for name in ["two/a", "two/b"] {
+        scene(&path(name), "3", "12");
+    }
+    let hidden = foveate(&["synth", "hide", "--way", "away", "--seq", &path("two"), "--out", &path("hidden")]);
+    assert!(String::from_utf8_lossy(&hidden.stderr).contains("it has 2 sequences; give one of them"), "{hidden:?}");
 
     std::fs::create_dir(&results).expect("a new folder");
     std::fs::copy(path("seqs/three/groundtruth_rect.txt"), path("perfect/three.txt")).expect("copied");
