@@ -108,9 +108,12 @@ pub(crate) fn run(args: Args) -> Result<()> {
     if format == Format::Got10k {
         files.push(ABSENCE);
     }
+    // Absence is read beside GOT-10k's boxes.
+    let absence = args.keyframes.with_file_name(ABSENCE);
     let inputs: Vec<&Path> = [&args.source, &args.keyframes]
-        .map(PathBuf::as_path)
         .into_iter()
+        .chain(Some(&absence).filter(|path| path.is_file()))
+        .map(PathBuf::as_path)
         .chain(args.choice.config.as_deref().map(Path::new))
         .collect();
     let results = Results::begin(&args.out, &files, &inputs)?;

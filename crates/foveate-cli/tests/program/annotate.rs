@@ -166,6 +166,22 @@ fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
     }
 }
 
+/// The labels that were read beside the boxes are no place for those of the result.
+#[test]
+fn labels_beside_the_key_frames_are_kept() {
+    let (place, truth) = scene();
+    std::fs::create_dir(place.path("mine")).expect("a writable folder");
+    let BBox { x, y, w, h } = truth[0];
+    let boxes: String = (0..FRAMES).map(|_| format!("{},{},{w},{h}\n", x + 1.0, y + 1.0)).collect();
+    std::fs::write(place.path("mine/groundtruth.txt"), boxes).expect("a writable folder");
+    let labels = "0\n".to_owned() + &"1\n".repeat(FRAMES - 1);
+    std::fs::write(place.path("mine/absence.label"), &labels).expect("a writable folder");
+    let keys = ["annotate", "scene", "--config", "digits", "--keyframes", "mine/groundtruth.txt", "--format", "got10k"];
+    let run = place.run(&[&keys[..], &["--out", "mine"]].concat());
+    assert!(!run.status.success() && errors(&run).contains("absence.label"), "{}", errors(&run));
+    assert_eq!(String::from_utf8(place.read("mine/absence.label")).expect("text"), labels);
+}
+
 /// Key frames stay in their frames, notes on their file are shown, and the labels of GOT-10k are a result like the boxes.
 #[test]
 fn results_are_those_of_the_key_frames() {

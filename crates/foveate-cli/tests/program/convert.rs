@@ -193,6 +193,29 @@ fn key_frames_out_of_order_lose_no_boxes() {
     assert_eq!(frames([2, 3, 0, 1]), frames([0, 1, 2, 3]));
 }
 
+/// The last box of a track holds up to the last frame of all, whatever the order of the tracks, and whatever a part of a task states.
+#[test]
+fn the_last_box_holds_up_to_the_end() {
+    let place = Place::new();
+    let track = |id: usize, frame: usize| {
+        format!(
+            "<track id=\"{id}\" label=\"a\"><box frame=\"{frame}\" xtl=\"1\" ytl=\"1\" xbr=\"9\" ybr=\"9\"/></track>"
+        )
+    };
+    let lines = |head: &str, tracks: [String; 2]| {
+        place.write("task.xml", &format!("<annotations>{head}{}</annotations>", tracks.concat()));
+        place.convert("task.xml", "cvat", "there", "mot", &[]);
+        place.read("there").lines().count()
+    };
+    for head in ["", "<meta><job><size>4</size></job></meta>"] {
+        assert_eq!(
+            [lines(head, [track(0, 0), track(1, 9)]), lines(head, [track(1, 9), track(0, 0)])],
+            [11, 11],
+            "{head}"
+        );
+    }
+}
+
 #[test]
 fn labels_occlusion_and_size_stay() {
     let place = Place::new();

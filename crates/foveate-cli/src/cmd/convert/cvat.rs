@@ -51,6 +51,9 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         let side = |name: &str| size.children().find(|n| n.has_tag_name(name)).and_then(whole).filter(|side| *side > 0);
         Some(Size { width: side("width")?, height: side("height")? })
     });
+    // A part of a task states fewer frames than it has.
+    let numbers = root.descendants().filter(|n| n.has_tag_name("box")).filter_map(|shape| frame(&shape).ok());
+    boxes.frames = boxes.frames.max(numbers.max().map_or(0, |last| last + 1));
     for track in root.children().filter(|n| n.has_tag_name("track")) {
         let id = number(&track, "id").map_err(wrong)? as i64;
         if let Some(label) = track.attribute("label") {

@@ -88,7 +88,10 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
     }
     let (tracks, other): (Vec<&Region>, Vec<&Region>) =
         drawn.iter().flat_map(|a| &a.result).partition(|region| region.kind == "videorectangle");
-    let (mut boxes, mut turned) = (Boxes::default(), 0);
+    let last =
+        |region: &&Region| region.value.sequence.iter().map(|key| key.frame).chain([region.value.frames_count]).max();
+    let frames = tracks.iter().filter_map(last).max().unwrap_or(0).min(MOST);
+    let (mut boxes, mut turned) = (Boxes { frames, ..Boxes::default() }, 0);
     for (id, region) in ids(&tracks).into_iter().zip(&tracks) {
         let mut keys = KeyFrames::new();
         for key in &region.value.sequence {
@@ -107,7 +110,6 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
                 keys.entry(key.frame).or_insert(None);
             }
         }
-        boxes.frames = boxes.frames.max(region.value.frames_count.min(MOST));
         boxes.fill(path, id, &keys)?;
         if let Some(label) = region.value.labels.first() {
             boxes.labels.insert(id, label.clone());
