@@ -150,14 +150,16 @@ def spread(ray: Any, work: Callable[..., str], jobs: Mapping[str, tuple[Any, ...
 def page(summaries: Mapping[str, Mapping[str, Any]], failures: Mapping[str, str]) -> str:
     """A table of videos: failures, then those with the largest share of frames that are occluded or lost."""
 
+    def count(name: str, key: str) -> int:
+        return int(summaries[name].get(key, 0))  # older summaries of many targets have frames alone
+
     def share(name: str) -> float:
-        tally = summaries[name]
-        return int(tally["occluded_frames"] + tally["lost_frames"]) / max(1, int(tally["frames"]))
+        return sum(count(name, key) for key in ("occluded_frames", "lost_frames")) / max(1, count(name, "frames"))
 
     rows = [f"<tr><td>{html.escape(name)}<td colspan=4 class=words>{html.escape(error)}" for name, error in sorted(failures.items())]
     for name in sorted(summaries, key=lambda name: (-share(name), name)):
         report = "report.html" if any(output.endswith("/report.html") for output in summaries[name]["outputs"]) else ""
-        counts = "".join(f"<td>{summaries[name][key]}" for key in ("frames", "occluded_frames", "lost_frames"))
+        counts = "".join(f"<td>{count(name, key)}" for key in ("frames", "occluded_frames", "lost_frames"))
         link = f'<a href="{urllib.parse.quote(name)}/{report}">{html.escape(name)}</a>'
         rows.append(f"<tr><td>{link}{counts}<td>{100 * share(name):.1f}")
     heads = "".join(f"<th>{head}" for head in ("video", "frames", "occluded", "lost", "occluded or lost, %"))

@@ -142,6 +142,9 @@ fn json_and_boxes_given_again() {
 #[test]
 fn mistakes_have_clear_errors() {
     let place = Place::new();
+    // The profiles are of one target.
+    let profile = place.run(&["track", "video", "--detect", "--profile", "fast", "-o", "no"]);
+    assert!(!profile.status.success() && errors(&profile).contains("--profile is for one target"), "{profile:?}");
     std::fs::create_dir(place.path("empty")).expect("a new folder");
     std::fs::create_dir_all(place.path("alone")).expect("a new folder");
     std::fs::copy(place.path("video/img/0001.png"), place.path("alone/0001.png")).expect("copied");

@@ -135,7 +135,8 @@ impl Ending<'_> {
         json!({
             "source": source, "frames": s.frames, "targets": s.initiated, "reidentified": s.reidentified, "cuts": s.cuts,
             "most_at_a_time": s.most, "detector": detector, "tracking_seconds": (spent - detecting).max(0.0),
-            "detecting_seconds": detecting, "total_seconds": total, "total_fps": s.fps(total), "seed": self.seed, "outputs": outputs,
+            "detecting_seconds": detecting, "total_seconds": total, "total_fps": s.fps(total), "occluded_frames": s.occluded,
+            "lost_frames": s.lost, "seed": self.seed, "outputs": outputs,
             "damaged_frames": s.damaged, "warnings": self.warnings, "error": self.error,
         })
     }

@@ -259,6 +259,7 @@ fn refuse(args: &Args, source: &Path) -> Result<()> {
         (args.save_state.is_some(), "--save-state"),
         (args.regret, "--regret"),
         (args.trace, "--trace"),
+        (args.profile.is_some(), "--profile"),
         (Selection { scale: 1.0, ..args.input.selection() } != Selection::default(), "--from or --every"),
         (args.many.save_detections.is_some() && is_endless(source), "--save-detections, of a source without an end,"),
     ] {
