@@ -158,13 +158,15 @@ fn start(
     let bound = listener.local_addr().map_err(Error::io(&name, "cannot listen there"))?;
     let guard = Guard { port: bound.port(), remote: !address.ip().is_loopback(), token };
     let done = pick.as_ref().map_or_else(Arc::<AtomicBool>::default, |pick| Arc::clone(&pick.done));
+    let waits = pick.as_ref().is_some_and(|pick| !pick.keep);
     announce(&bound, &guard, pick.is_some());
     let (config, policy, options) = (page.config.clone(), page.policy.clone(), page.sandbox.options());
     let page = Page::new(Server { roots, pick, config, policy, pool, options });
     let app = Arc::new(App { guard, page });
     terminal::catch_interrupts();
+    let ending = Arc::clone(&done);
     let stop: Arc<dyn Fn() -> bool + Send + Sync> =
-        Arc::new(move || terminal::stopping() || done.load(Ordering::SeqCst));
+        Arc::new(move || terminal::stopping() || ending.load(Ordering::SeqCst));
     let answering = Arc::clone(&app);
     let answer: Arc<server::Answer> = Arc::new(move |request| answering.answer(request));
     let trusting = Arc::clone(&app);
@@ -173,7 +175,12 @@ fn start(
     // Wait until the last response is sent.
     std::thread::sleep(std::time::Duration::from_millis(100));
     app.page.close(None);
-    served.map_err(Error::io(Path::new(&name), "the server broke off"))
+    served.map_err(Error::io(Path::new(&name), "the server broke off"))?;
+    // `pick` has printed no command.
+    if waits && !done.load(Ordering::SeqCst) {
+        std::process::exit(terminal::stop_status());
+    }
+    Ok(())
 }
 
 /// Prints the page's address on standard error; standard output is for the command that `pick` prints.

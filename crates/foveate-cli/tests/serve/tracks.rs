@@ -296,6 +296,11 @@ fn pick_prints_the_command_and_ends() {
     std::io::Read::read_to_string(&mut server.child.stdout.take().expect("a pipe"), &mut printed).expect("text");
     assert_eq!(printed.trim_end(), line);
     assert!(server.child.wait().expect("it ends").success());
+    // Interrupted before it has printed a command, it has failed.
+    let mut server = Server::start(dir.path(), &["pick", "seen/clip"]);
+    let interrupt = std::process::Command::new("kill").args(["-INT", &server.child.id().to_string()]).status();
+    assert!(interrupt.is_ok_and(|status| status.success()));
+    assert_eq!(server.child.wait().expect("it ends").code(), Some(130));
 }
 
 #[test]
