@@ -11,7 +11,7 @@ from ._multi import Targets
 from ._result import LOG, Result
 from ._types import Box
 
-Format = Literal["coco", "cvat", "got10k", "label-studio", "mot", "otb", "trackmate", "viame", "vot", "yolo"]
+Format = Literal["coco", "cvat", "got10k", "label-studio", "mot", "napari", "otb", "trackmate", "viame", "vot", "yolo"]
 
 
 def export(
@@ -31,7 +31,7 @@ def export(
     path : path
         The file; of ``"yolo"`` the folder, for labels ``000001.txt`` and so on. It is replaced where it is there.
     format : str
-        ``"coco"`` (JSON), ``"cvat"`` (CVAT for video 1.1), ``"label-studio"``, ``"mot"`` (MOTChallenge), ``"trackmate"``, ``"viame"``, ``"yolo"``; of one
+        ``"coco"`` (JSON), ``"cvat"`` (CVAT for video 1.1), ``"label-studio"``, ``"mot"`` (MOTChallenge), ``"napari"``, ``"trackmate"``, ``"viame"``, ``"yolo"``; of one
         target also ``"otb"``, ``"vot"`` and ``"got10k"``.
     size : (width, height), optional
         Of the pictures; ``"label-studio"`` and ``"yolo"`` need it.

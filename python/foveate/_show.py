@@ -51,18 +51,20 @@ def _marks(result: Result, unit: float) -> str:
     heavy = np.argsort(weights)[::-1][:150]
     most = float(weights[heavy[0]]) if len(heavy) else 1.0
     dots = "".join(
-        f'<circle cx="{particles[i, 0]:.1f}" cy="{particles[i, 1]:.1f}" r="{1.2 * unit:.2f}" fill="{_DOT}"'
+        f'<circle cx="{particles[i, 0] + 0.5:.1f}" cy="{particles[i, 1] + 0.5:.1f}" r="{1.2 * unit:.2f}" fill="{_DOT}"'
         f' fill-opacity="{max(0.15, float(weights[i]) / most):.2f}"/>'
         for i in heavy
     )
     (u, v), colour = result.gaze, _BOX if result.ok else _LOST
     at, arm = (box.x + 0.5 * box.w * (1 + u), box.y + 0.5 * box.h * (1 + v)), 4 * unit
+    # A pixel's middle has whole coordinates, the picture begins half a pixel before.
+    x, y = region.x + 0.5, region.y + 0.5
     return (
         f'{dots}<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.w:.1f}" height="{box.h:.1f}" fill="none" stroke="{colour}"'
         f' stroke-width="{2 * unit:.2f}"/>'
-        f'<ellipse cx="{region.x:.1f}" cy="{region.y:.1f}" rx="{region.major:.1f}" ry="{region.minor:.1f}" fill="none"'
+        f'<ellipse cx="{x:.1f}" cy="{y:.1f}" rx="{region.major:.1f}" ry="{region.minor:.1f}" fill="none"'
         f' stroke="{colour}" stroke-dasharray="{4 * unit:.1f}" stroke-width="{unit:.2f}"'
-        f' transform="rotate({np.degrees(region.angle):.1f} {region.x:.1f} {region.y:.1f})"/>'
+        f' transform="rotate({np.degrees(region.angle):.1f} {x:.1f} {y:.1f})"/>'
         f'<path d="M{at[0] - arm:.1f} {at[1]:.1f}h{2 * arm:.1f}M{at[0]:.1f} {at[1] - arm:.1f}v{2 * arm:.1f}" stroke="{_GAZE}"'
         f' stroke-width="{1.5 * unit:.2f}"/>'
     )

@@ -14,8 +14,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ._foveate import Tracker
 from .errors import InputError
@@ -52,7 +53,7 @@ class TrackerFoveate:
         """
         seen = self._tracker.update(image)
         self._score = 1 - seen.p_lost
-        height, width = _size(image)
+        height, width = np.shape(image)[:2]
         x, y, w, h = seen.box
         left, right = _whole(x, x + w, width)
         top, bottom = _whole(y, y + h, height)
@@ -66,13 +67,6 @@ class TrackerFoveate:
 
 
 TrackerFoveate_create = TrackerFoveate.create
-
-
-def _size(image: _Image) -> Sequence[int]:
-    if hasattr(image, "shape"):
-        return tuple(image.shape[:2])
-    shape: tuple[int, ...] = image.__array_interface__["shape"]
-    return shape[:2]
 
 
 def _whole(begin: float, end: float, side: int) -> tuple[int, int]:

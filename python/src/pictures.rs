@@ -54,6 +54,10 @@ impl Channels {
     pub(crate) fn has_order_of(self, name: &str) -> bool {
         CHANNELS.iter().any(|c| c.name == name && c.order == self.order)
     }
+    /// Returns three channels in the same order.
+    fn without_alpha(self) -> Self {
+        CHANNELS.into_iter().find(|c| c.depth == 3 && c.order == self.order).unwrap_or(self)
+    }
     /// Returns the indices of red, green and blue in a pixel.
     pub(crate) fn order(self) -> &'static [usize] {
         self.order
@@ -93,6 +97,8 @@ impl<'py> Picture<'py> {
         let shape = array.shape();
         let (fits, channels) = match *shape {
             [h, w] | [h, w, 1] => (h > 0 && w > 0, CHANNELS[4]),
+            // A video has no alpha, which is not read anyway.
+            [h, w, 3] if channels.depth == 4 => (h > 0 && w > 0, channels.without_alpha()),
             [h, w, depth] => (h > 0 && w > 0 && depth == channels.depth, channels),
             _ => (false, channels),
         };

@@ -37,6 +37,9 @@ def test_a_result_shows_box_particles_region_and_gaze(pictures: list[npt.NDArray
     shown = parsed(seen._repr_html_())
     (box,), circles = shown.findall(".//rect"), shown.findall(".//circle")
     assert float(box.attrib["x"]) == pytest.approx(seen.box.x, abs=0.06) and 20 <= len(circles) <= 150
+    # The middle of the ellipse is that of the box where the estimate is the box's.
+    ellipse = shown.find(".//ellipse")
+    assert ellipse is not None and float(ellipse.attrib["cx"]) == pytest.approx(seen.region().x + 0.5, abs=0.06)
     assert len(shown.findall(".//ellipse")) == 1 and len(shown.findall(".//path")) == 1
 
 

@@ -102,6 +102,8 @@ def test_every_layout_and_stride_gives_the_same_boxes(pictures: Any) -> None:
     same("bgr", lambda p: np.ascontiguousarray(p[..., ::-1]))
     same("rgba", rgba)
     same("bgra", lambda p: rgba(p[..., ::-1]))
+    same("rgba", lambda p: p)  # a video's, which has no alpha
+    same("bgra", lambda p: p[..., ::-1])
     same("rgb", lambda p: np.asfortranarray(p))
     same("rgb", lambda p: np.ascontiguousarray(p.transpose(2, 0, 1)).transpose(1, 2, 0))  # planes, as PyTorch has them
     same("rgb", lambda p: np.repeat(np.repeat(p, 2, axis=0), 3, axis=1)[::2, ::3])
