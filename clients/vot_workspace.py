@@ -56,8 +56,8 @@ command = {python} {csrt}
 def add(sequence: Path, folder: Path) -> None:
     """Writes a sequence in VOT's layout: pixels count from 0, pictures are JPEG, every 50th frame is an anchor."""
     (folder / "color").mkdir(parents=True)
-    text = (sequence / "groundtruth_rect.txt").read_text().replace("\t", ",")
-    boxes = np.array([[float(word) for word in line.split(",")] for line in text.split()]) - [1, 1, 0, 0]
+    text = (sequence / "groundtruth_rect.txt").read_text().replace(",", " ")
+    boxes = np.array([[float(word) for word in line.split()] for line in text.splitlines() if line.strip()]) - [1, 1, 0, 0]
     files = sorted((sequence / "img").iterdir())[: len(boxes)]
     for i, file in enumerate(files, 1):
         target = folder / "color" / f"{i:08d}.jpg"

@@ -1,6 +1,13 @@
 // Trackers in threads of their own: the functions of index.js, each returning a promise. Pictures are copied to the thread.
 import { FoveateError } from './index.js';
 
+// What a thread can be given: of a picture its bytes, wherever it has them; of a generator its values.
+const plain = value => {
+  if (value === null || typeof value !== 'object' || ArrayBuffer.isView(value) || value instanceof ArrayBuffer) return value;
+  if (Symbol.iterator in value) return Array.from(value);
+  return value.data && value.width ? { width: value.width, height: value.height, data: value.data } : value;
+};
+
 // `start(heard, broken)` starts a thread and returns { post, end }.
 const make = (start, kind, names) => class {
   #thread; #waiting = new Map(); #calls = 0; #ended = null;
@@ -24,7 +31,7 @@ const make = (start, kind, names) => class {
     return new Promise((yes, no) => {
       if (this.#ended) throw this.#ended;
       const call = this.#calls++;
-      this.#thread.post({ call, name, values });
+      this.#thread.post({ call, name, values: values.map(plain) });
       this.#waiting.set(call, { yes, no });
     });
   }
