@@ -53,7 +53,7 @@ class TrackerFoveate:
         """
         seen = self._tracker.update(image)
         self._score = 1 - seen.p_lost
-        height, width = np.shape(image)[:2]
+        height, width = np.asarray(image).shape[:2]
         x, y, w, h = seen.box
         left, right = _whole(x, x + w, width)
         top, bottom = _whole(y, y + h, height)

@@ -63,6 +63,19 @@ def test_whole_pixels(begin: float, end: float, wanted: tuple[int, int]) -> None
     assert cv2_compat._whole(begin, end, 10) == wanted
 
 
+def test_objects_that_only_numpy_reads_are_pictures(pictures: Any) -> None:
+    class Only:
+        def __init__(self, picture: Any) -> None:
+            self.picture = picture
+
+        def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
+            return self.picture
+
+    tracker: Any = cv2_compat.TrackerFoveate.create("fast", {"particles": 60})
+    tracker.init(Only(pictures[0]), FIRST)
+    assert len(tracker.update(Only(pictures[1]))[1]) == 4
+
+
 def test_colours_are_blue_green_red(pictures: Any) -> None:
     """The boxes are those of the same tracker on red, green, blue."""
     import foveate
