@@ -64,7 +64,7 @@ pub(crate) struct Args {
     /// Configuration file, or the name of a shipped configuration (natural, digits, ...: see `foveate configs`); default: natural
     #[arg(long, short, value_name = "FILE|NAME")]
     pub(super) config: Option<String>,
-    /// Trade-off between speed and accuracy, if no configuration is given
+    /// Trade-off between speed and accuracy for one target, if no configuration is given
     #[arg(long, value_enum, conflicts_with = "config")]
     pub(super) profile: Option<Profile>,
     #[command(flatten)]
