@@ -236,7 +236,7 @@ fn enter_and_a_frame_ahead_correct_the_track() {
     assert_eq!(browser.value("page.rows.length < 20"), json!(true));
     // Other settings are for another start.
     browser.fill("seed", "8");
-    assert_eq!(browser.value("byId('setup-now').textContent.includes('goes on with natural-fast')"), json!(true));
+    assert_eq!(browser.value("byId('setup-now').textContent.includes('goes on with natural-fast, seed 7;')"), json!(true));
     browser.draw(truth(FRAMES - 6));
     assert_eq!(browser.value("byId('go').textContent"), json!(format!("Correct frame {}", FRAMES - 5)));
     browser.value("byId('box-x').focus(), true");

@@ -25,7 +25,7 @@ function actions() {
   byId('add').hidden = hello.pick || !page.targets.length || page.targets.length >= hello.targets;
   for (const id of ['go', 'again', 'add']) byId(id).disabled = !box || page.busy;
   const { setup } = active();
-  byId('setup-now').textContent = setup && setup.some((value, i) => value !== settings()[i]) ? `The track goes on with ${setup[0]}; these settings hold from the next start.` : '';
+  byId('setup-now').textContent = setup && setup.some((value, i) => value !== settings()[i]) ? `The track goes on with ${[setup[0], setup[1], setup[2] && `seed ${setup[2]}`].filter(Boolean).join(', ')}; these settings hold from the next start.` : '';
   drawTargets();
 }
 function pause() {
