@@ -165,8 +165,8 @@ impl Page {
         if frames.is_multiple_of(1000) {
             memory::check(format_args!("report.html of {frames} frames"), frames as u64 * ROW)?;
         }
-        self.tracks.begin(frame.index);
-        targets.iter().for_each(|target| self.tracks.add(frame, target));
+        let before = self.rows.last().map_or(0, |row| row[0] as usize - 1);
+        targets.iter().for_each(|target| self.tracks.add(frame, before, target));
         let mut row = [f64::NAN; COLUMNS.len()];
         self.size = [frame.image.width(), frame.image.height()];
         row[0] = frame.index as f64 + 1.0;

@@ -20,12 +20,7 @@ const MOST_TRACKS: usize = 300;
 
 /// All targets of a run, by id.
 #[derive(Default)]
-pub(super) struct Tracks {
-    all: BTreeMap<u64, Track>,
-    /// The frame that was read last, and the one before: a live run drops those between.
-    now: usize,
-    before: usize,
-}
+pub(super) struct Tracks(BTreeMap<u64, Track>);
 
 /// One target over time; frames count from 0.
 pub(super) struct Track {
@@ -56,18 +51,13 @@ pub(super) struct Drawn {
 
 impl Tracks {
     pub(super) fn len(&self) -> usize {
-        self.all.len()
+        self.0.len()
     }
 
-    /// Begins a frame.
-    pub(super) fn begin(&mut self, index: usize) {
-        (self.before, self.now) = (self.now, index);
-    }
-
-    /// Adds a target of the frame.
-    pub(super) fn add(&mut self, frame: &Frame, target: &Seen<'_>) {
-        let (at, before, scale) = (self.now, self.before, target.state.log_scale.exp());
-        let track = self.all.entry(target.id).or_insert_with(|| Track {
+    /// Adds a target of a frame; `before` is the index of the frame that was read before it: a live run drops those between.
+    pub(super) fn add(&mut self, frame: &Frame, before: usize, target: &Seen<'_>) {
+        let (at, scale) = (frame.index, target.state.log_scale.exp());
+        let track = self.0.entry(target.id).or_insert_with(|| Track {
             spans: vec![],
             frames: [0; 3],
             template: Template::new(&Crop::around(&frame.image, &target.bbox).closer(1.1)).jpeg,
@@ -91,15 +81,15 @@ impl Tracks {
 
     /// Returns the numbers of targets, of the most active at a time, and of re-identifications.
     pub(super) fn summary(&self, last: usize) -> Value {
-        let active = |t: usize| self.all.values().filter(|track| track.at(t)).count();
+        let active = |t: usize| self.0.values().filter(|track| track.at(t)).count();
         let most = (0..=last).map(active).max().unwrap_or(0);
-        let reidentified: usize = self.all.values().map(|track| track.reidentified).sum();
-        json!({ "targets": self.all.len(), "most": most, "reidentified": reidentified })
+        let reidentified: usize = self.0.values().map(|track| track.reidentified).sum();
+        json!({ "targets": self.0.len(), "most": most, "reidentified": reidentified })
     }
 
     /// Returns the bars and the table, for frames 0 to `last`.
     pub(super) fn sections(&self, last: usize) -> String {
-        let mut all: Vec<(u64, &Track)> = self.all.iter().map(|(id, track)| (*id, track)).collect();
+        let mut all: Vec<(u64, &Track)> = self.0.iter().map(|(id, track)| (*id, track)).collect();
         all.sort_by_key(|(_, track)| std::cmp::Reverse(track.frames[0]));
         let left_out = all.len().saturating_sub(MOST_TRACKS);
         all.truncate(MOST_TRACKS);
