@@ -43,37 +43,13 @@ impl TiffStack {
         let text = pages.description();
         let first = pages.read(&mut range).map_err(wrong)?;
         let frames = Pages::new(open()?, MAX_SIDE).and_then(Pages::count).map_err(wrong)?;
-        let word = |key: &str| text.lines().find_map(|line| Some(line.trim().strip_prefix(key)?.trim()));
-        let said = |key: &str| word(key)?.parse::<f64>().ok();
         // ImageJ leaves the pages of files above 4 GiB out, and only says how many pictures follow the first one; tifffile does if asked.
-        let several = text.starts_with("ImageJ") && said("images=").is_some_and(|images| images > 1.0);
+        let several = text.starts_with("ImageJ") && number(&text, "images=").is_some_and(|images| images > 1.0);
         if frames == 1 && (several || text.contains("\"truncate\": true")) {
             let problem = "it has one page, but says that it has several pictures; save it as another stack, or as single pictures";
             return Err(wrong(problem.into()));
         }
-        // Of OME's XML, which other programs of microscopes write.
-        let attribute = |key: &str| text.split_once(&format!(" {key}=\""))?.1.split('"').next();
-        let either = |key: &str, name: &str| said(key).or_else(|| attribute(name)?.parse().ok());
-        let counts = [("channels=", "SizeC"), ("slices=", "SizeZ"), ("frames=", "SizeT")];
-        let [channels, slices, times] = counts.map(|(key, name)| either(key, name).unwrap_or(1.0));
-        if channels > first.planes() as f64 || slices > 1.0 && times > 1.0 {
-            let found = format!("{channels} channels and {slices} slices a time");
-            return Err(wrong(format!(
-                "expected a picture a time, found {found}; save one channel and slice as a stack"
-            )));
-        }
-        // Without a known unit the interval says nothing.
-        let unit = match word("tunit=").or_else(|| attribute("TimeIncrementUnit")).unwrap_or("sec") {
-            "sec" | "s" | "second" | "seconds" => 1.0,
-            "msec" | "ms" => 1e-3,
-            "usec" | "us" | "µs" => 1e-6,
-            "min" | "minute" | "minutes" => 60.0,
-            "h" | "hr" | "hour" | "hours" => 3600.0,
-            _ => f64::NAN,
-        };
-        let seconds = either("finterval=", "TimeIncrement")
-            .map(|interval| interval * unit)
-            .filter(|seconds| (1e-6..1e6).contains(seconds));
+        let seconds = interval(&text, first.planes()).map_err(wrong)?;
         let (width, height, rate) = (first.width(), first.height(), seconds.map_or(RATE, f64::recip));
         let reader = if frames == 1 { "one image" } else { "TIFF stack" }.into();
         let info = SourceInfo { width, height, frames: Some(frames), rate, reader };
@@ -97,6 +73,39 @@ impl TiffStack {
         }
         Ok(image.with_planes(self.planes))
     }
+}
+
+/// The number in a line of ImageJ's text that begins with this key.
+fn number(text: &str, key: &str) -> Option<f64> {
+    word(text, key)?.parse().ok()
+}
+fn word<'a>(text: &'a str, key: &str) -> Option<&'a str> {
+    text.lines().find_map(|line| Some(line.trim().strip_prefix(key)?.trim()))
+}
+
+/// Seconds between the pages of a stack with this description, in ImageJ's text or in OME's XML, which other programs of microscopes write.
+///
+/// Fails if a time has several pages.
+fn interval(text: &str, planes: usize) -> Decoded<Option<f64>> {
+    let attribute = |key: &str| text.split_once(&format!(" {key}=\""))?.1.split('"').next();
+    let either = |key: &str, name: &str| number(text, key).or_else(|| attribute(name)?.parse().ok());
+    let counts = [("channels=", "SizeC"), ("slices=", "SizeZ"), ("frames=", "SizeT")];
+    let [channels, slices, times] = counts.map(|(key, name)| either(key, name).unwrap_or(1.0));
+    if channels > planes as f64 || slices > 1.0 && times > 1.0 {
+        let found = format!("{channels} channels and {slices} slices a time");
+        return Err(format!("expected a picture a time, found {found}; save one channel and slice as a stack"));
+    }
+    // Without a known unit the interval says nothing.
+    let unit = match word(text, "tunit=").or_else(|| attribute("TimeIncrementUnit")).unwrap_or("sec") {
+        "sec" | "s" | "second" | "seconds" => 1.0,
+        "msec" | "ms" => 1e-3,
+        "usec" | "us" | "µs" => 1e-6,
+        "min" | "minute" | "minutes" => 60.0,
+        "h" | "hr" | "hour" | "hours" => 3600.0,
+        _ => f64::NAN,
+    };
+    let seconds = either("finterval=", "TimeIncrement").map(|interval| interval * unit);
+    Ok(seconds.filter(|seconds| (1e-6..1e6).contains(seconds)))
 }
 
 /// The decoder answers damage with an error; a panic of its own must not end the program either.
