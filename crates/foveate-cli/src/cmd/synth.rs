@@ -246,10 +246,10 @@ fn many(args: &MultiArgs) -> Result<()> {
     }
     let classes: Vec<u8> = video.movers().iter().map(|mover| mover.class).collect();
     let frames = video.frames();
-    write_folder(&args.out, "img1", 6, video.source(), frames, &notes)?;
+    write_folder(&args.out, "img1", 6, video.clone().source(), frames, &notes)?;
     // After the folder, which may be refused.
     if let Some(path) = &args.video {
-        let (video, mut film) = (settings.video(&digits)?, Mp4Writer::create(path, width, height, 30.0)?);
+        let mut film = Mp4Writer::create(path, width, height, 30.0)?;
         (0..frames).try_for_each(|t| film.push(&video.render(t), t as f64 / 30.0))?;
         film.finish()?;
     }
