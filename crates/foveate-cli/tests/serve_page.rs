@@ -33,6 +33,14 @@ fn open(dir: &Path, options: &[&str]) -> Result<(Browser, Server), String> {
     Ok((browser, server))
 }
 
+/// The page with its video open at the first frame.
+fn opened(dir: &Path) -> Result<(Browser, Server), String> {
+    let (mut browser, server) = open(dir, &[])?;
+    browser.click(".entries button");
+    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    Ok((browser, server))
+}
+
 /// A file by http: the page plays it, tracks it, and shows where it ended.
 #[test]
 fn the_end_of_a_file_by_http_is_shown() {
@@ -53,9 +61,7 @@ fn the_end_of_a_file_by_http_is_shown() {
 #[test]
 fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let (mut browser, server) = need!(open(dir.path(), &[]));
-    browser.click(".entries button");
-    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    let (mut browser, server) = need!(opened(dir.path()));
     // Configurations by purpose: real video first, digits last; what serves another one alone is not offered.
     let offered = browser.value(
         "[...byId('config').children].map(group => [group.label, ...[...group.children].map(option => option.value)])",
@@ -211,9 +217,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
 #[test]
 fn enter_and_a_frame_ahead_correct_the_track() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let (mut browser, server) = need!(open(dir.path(), &[]));
-    browser.click(".entries button");
-    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    let (mut browser, server) = need!(opened(dir.path()));
     browser.draw(truth(0));
     for seed in ["-1", "1.5", "12345678901234567"] {
         browser.fill("seed", seed);
@@ -236,7 +240,10 @@ fn enter_and_a_frame_ahead_correct_the_track() {
     assert_eq!(browser.value("page.rows.length < 20"), json!(true));
     // Other settings are for another start.
     browser.fill("seed", "8");
-    assert_eq!(browser.value("byId('setup-now').textContent.includes('goes on with natural-fast, seed 7;')"), json!(true));
+    assert_eq!(
+        browser.value("byId('setup-now').textContent.includes('goes on with natural-fast, seed 7;')"),
+        json!(true)
+    );
     browser.draw(truth(FRAMES - 6));
     assert_eq!(browser.value("byId('go').textContent"), json!(format!("Correct frame {}", FRAMES - 5)));
     browser.value("byId('box-x').focus(), true");
@@ -270,9 +277,7 @@ fn enter_and_a_frame_ahead_correct_the_track() {
 #[test]
 fn a_measurement_follows_clumsy_settings() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let (mut browser, _server) = need!(open(dir.path(), &[]));
-    browser.click(".entries button");
-    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    let (mut browser, _server) = need!(opened(dir.path()));
     browser.draw(truth(0));
     browser.click("#go");
     track(&mut browser);
