@@ -158,6 +158,10 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
         let problem = "it was measured relative to --reference, whose track it does not hold; measure the video again";
         return Err(Error::malformed(file, problem));
     }
+    if earlier.lens && settings.lens.is_none() {
+        let problem = "it was measured with --lens, and its positions have the distortion; give --lens again, or move the fits.json beside it";
+        return Err(Error::malformed(file, problem));
+    }
     settings.picture = earlier.picture;
     settings.check()?;
     if let (None, Some(earlier)) = (clock, earlier.fps) {
@@ -167,7 +171,11 @@ pub(crate) fn run(args: MeasureArgs) -> Result<()> {
     let point = Track { name: names.concat(), positions: measure::read(&file)? };
     let measured = measure::measure(&[point], None, &settings).map_err(super::of_file(&file))?;
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot make the folder for results"))?;
-    measure::write(folder, (&file.display().to_string(), run.input.selection().scale), &measured)?;
+    let scale = match run.input.selection().scale {
+        1.0 => earlier.scale.unwrap_or(1.0),
+        scale => scale,
+    };
+    measure::write(folder, (&file.display().to_string(), scale), &measured)?;
     // Of that track: another one in the same folder must not find them.
     if file.canonicalize().ok().as_deref().and_then(Path::parent) == folder.canonicalize().ok().as_deref() {
         results::add(folder, &measure::FILES)?;

@@ -179,6 +179,19 @@ fn corrections_are_key_frames_and_a_lens_is_taken_out() {
         text.lines().nth(5).and_then(|line| line.split(',').nth(2)).and_then(|x| x.parse().ok()).expect("x")
     };
     assert!((x("flat") - x("plain")).abs() < 1e-6 && (x("bent") - x("plain")).abs() > 1e-3);
+    // The track has the distortion, and says nothing of it; the fits.json beside it does.
+    let again = |args: &[&str]| place.run(&[&["measure", "--track", "bent/track.csv", "-o", "again"], args].concat());
+    let without = again(&[]);
+    assert!(!without.status.success() && errors(&without).contains("--lens again"), "{}", errors(&without));
+    assert!(again(&["--lens", "bent.yml"]).status.success());
+    // So is the scale of the pictures, in which measure.trk is not.
+    run(&["-o", "small", "--scale", "0.5"]);
+    assert!(place.run(&["measure", "--track", "small/track.csv", "-o", "large"]).status.success());
+    let frames = |folder: &str| {
+        let text = String::from_utf8(place.read(&format!("{folder}/measure.trk"))).expect("text");
+        text.lines().filter(|line| line.contains("xorigin") || line.contains("\"xscale\"")).collect::<String>()
+    };
+    assert!(frames("small") == frames("large") && !frames("small").is_empty(), "{}", frames("small"));
     // Of several videos those that were measured with another calibration are not finished.
     let several = || {
         let videos = ["measure", "video", "other", "-c", "c.toml", "--no-video", "--no-report", "--lens", "flat.yml"];

@@ -22,24 +22,31 @@ pub struct Ask {
     pub frame: usize,
     /// First and last frame.
     pub stretch: [usize; 2],
-    /// P(lost) in the most doubtful frame.
+    /// P(lost) in the most doubtful frame, of the target or the reference.
     pub p_lost: f64,
-    /// Radius of the 90 % region of the position there, pixels; `None` if it is unknown.
+    /// Radius of the 90 % region of the position there, of the target or the reference, pixels; `None` if it is unknown.
     pub region: Option<f64>,
     /// `lost`, `region` or `leap`.
     pub reason: &'static str,
 }
 
-/// Returns the doubtful stretches of a track, the one with most doubt first. `leaps` are the frames (by their place in the track) whose
-/// position does not fit those of the others.
-pub(super) fn ask(track: &[Position], leaps: &[usize]) -> Vec<Ask> {
-    let regions: Vec<Option<f64>> = track.iter().map(|position| position.covariance.map(radius)).collect();
-    let usual = median(regions.iter().flatten().copied());
+/// Returns the doubtful stretches of a track and of the reference that it is relative to, the one with most doubt first. `leaps` are the
+/// frames (by their place in the track) whose position does not fit those of the others.
+pub(super) fn ask(track: &[Position], reference: Option<&[Position]>, leaps: &[usize]) -> Vec<Ask> {
+    let tracks = || std::iter::once(track).chain(reference);
+    let at = |k: usize| tracks().filter_map(move |track| track.get(k));
+    let regions =
+        |track: &[Position]| -> Vec<Option<f64>> { track.iter().map(|it| it.covariance.map(radius)).collect() };
+    let regions: Vec<_> = tracks().map(regions).collect();
+    let usual: Vec<f64> = regions.iter().map(|regions| median(regions.iter().flatten().copied())).collect();
+    let region = |of: usize, k: usize| regions[of].get(k).copied().flatten();
+    let is_wide =
+        |k: usize| (0..regions.len()).any(|of| region(of, k).is_some_and(|radius| radius > REGION * usual[of]));
+    let p_lost = |k: usize| at(k).map(|position| position.p_lost).fold(0.0, f64::max);
     let doubt = |k: usize| -> Option<(&'static str, f64)> {
-        let position = &track[k];
-        if !position.usable || position.p_lost > P_LOST {
-            Some(("lost", position.p_lost.max(P_LOST)))
-        } else if regions[k].is_some_and(|radius| radius > REGION * usual) {
+        if at(k).count() < regions.len() || at(k).any(|position| !position.usable) || p_lost(k) > P_LOST {
+            Some(("lost", p_lost(k).max(P_LOST)))
+        } else if is_wide(k) {
             Some(("region", P_LOST))
         } else {
             leaps.contains(&k).then_some(("leap", P_LOST))
@@ -48,7 +55,8 @@ pub(super) fn ask(track: &[Position], leaps: &[usize]) -> Vec<Ask> {
     let mut stretches: Vec<(f64, [usize; 2], Ask)> = vec![];
     for (k, position) in track.iter().enumerate() {
         let Some((reason, weight)) = doubt(k) else { continue };
-        let (frame, p_lost, region) = (position.frame, position.p_lost, regions[k]);
+        let widest = (0..regions.len()).filter_map(|of| region(of, k)).max_by(f64::total_cmp);
+        let (frame, p_lost, region) = (position.frame, p_lost(k), widest);
         let found = Ask { frame, stretch: [frame; 2], p_lost, region, reason };
         match stretches.last_mut() {
             Some((sum, [_, end], ask)) if k - *end <= NEAR => {
@@ -108,7 +116,7 @@ mod tests {
             usable: true,
         };
         let track: Vec<Position> = (0..60).map(at).collect();
-        let asks = ask(&track, &[10]);
+        let asks = ask(&track, None, &[10]);
         let all: Vec<_> = asks.iter().map(|ask| (ask.frame, ask.stretch, ask.reason)).collect();
         assert_eq!(all, [(28, [21, 28], "lost"), (11, [11, 11], "leap"), (51, [51, 51], "region")]);
         assert!(
@@ -116,6 +124,13 @@ mod tests {
             "the longest axis: {asks:?}"
         );
         assert_eq!(lines(&asks, "ball").lines().next(), Some("1,28,21,28,0.9,0.43,lost,ball"));
-        assert!(ask(&track[..20], &[]).is_empty());
+        assert!(ask(&track[..20], None, &[]).is_empty());
+        // A reference that is lost, and one that ends before the track.
+        let still: Vec<Position> =
+            track[..20].iter().map(|position| Position { frame: position.frame, ..track[0].clone() }).collect();
+        for reference in [&track[10..30], &still[..19]] {
+            let asks = ask(&still, Some(reference), &[]);
+            assert!(asks.len() == 1 && asks[0].reason == "lost" && asks[0].stretch[1] >= 14, "{asks:?}");
+        }
     }
 }

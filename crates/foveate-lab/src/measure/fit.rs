@@ -149,7 +149,11 @@ impl Data {
     fn solve(&self, curve: Curve, start: &[f64], correlation: f64) -> Option<Solution> {
         let kept = self.kept(correlation);
         let residuals = |values: &[f64]| self.whitened(curve, values, &kept);
-        let (values, square, normal) = levenberg_marquardt(&residuals, start.to_vec())?;
+        // A time is never 0 and may be a microsecond.
+        let floor = |time: bool| if time { 0.0 } else { 1e-7 };
+        let floors: Vec<f64> =
+            curve.parameters().iter().map(|(_, length, time)| floor((*length, *time) == (0, 1))).collect();
+        let (values, square, normal) = levenberg_marquardt(&residuals, start.to_vec(), &floors)?;
         let inverse = invert(&normal)?;
         let spare = (self.t.len() - values.len()) as f64;
         let log_det = log_det(&kept);
@@ -164,13 +168,18 @@ fn log_det(kept: &[f64]) -> f64 {
     kept.iter().map(|kept| (1.0 - kept * kept).ln()).sum()
 }
 
-/// Minimises the sum of squared residuals. Returns the parameters, the sum, and JᵀJ there; `None` if the sum is not finite.
-fn levenberg_marquardt(residuals: &dyn Fn(&[f64]) -> Vec<f64>, mut p: Vec<f64>) -> Option<(Vec<f64>, f64, Matrix)> {
+/// Minimises the sum of squared residuals. `floors` are the least steps of the differences by each parameter. Returns the parameters, the
+/// sum, and JᵀJ there; `None` if the sum is not finite.
+fn levenberg_marquardt(
+    residuals: &dyn Fn(&[f64]) -> Vec<f64>,
+    mut p: Vec<f64>,
+    floors: &[f64],
+) -> Option<(Vec<f64>, f64, Matrix)> {
     const STEPS: usize = 200;
     let square = |r: &[f64]| r.iter().map(|r| r * r).sum::<f64>();
     let mut r = residuals(&p);
     let (mut least, mut damping) = (square(&r), 1e-3);
-    let mut normal = normal_equations(residuals, &p, &r);
+    let mut normal = normal_equations(residuals, &p, &r, floors);
     for _ in 0..STEPS {
         let (matrix, gradient) = &normal;
         let mut damped = matrix.clone();
@@ -184,7 +193,7 @@ fn levenberg_marquardt(residuals: &dyn Fn(&[f64]) -> Vec<f64>, mut p: Vec<f64>) 
                 (r, p) = (better, next);
                 least = square(&r);
                 damping = (damping * 0.1).max(1e-12);
-                normal = normal_equations(residuals, &p, &r);
+                normal = normal_equations(residuals, &p, &r, floors);
                 if gain <= 1e-12 * least {
                     break;
                 }
@@ -197,9 +206,14 @@ fn levenberg_marquardt(residuals: &dyn Fn(&[f64]) -> Vec<f64>, mut p: Vec<f64>) 
 }
 
 /// Returns JᵀJ and Jᵀr, with J by central differences.
-fn normal_equations(residuals: &dyn Fn(&[f64]) -> Vec<f64>, p: &[f64], r: &[f64]) -> (Matrix, Vec<f64>) {
+fn normal_equations(
+    residuals: &dyn Fn(&[f64]) -> Vec<f64>,
+    p: &[f64],
+    r: &[f64],
+    floors: &[f64],
+) -> (Matrix, Vec<f64>) {
     let column = |i: usize| {
-        let h = 1e-5 * p[i].abs() + 1e-7;
+        let h = 1e-5 * p[i].abs() + floors[i];
         let shifted = |by: f64| {
             let mut p = p.to_vec();
             p[i] += by;
@@ -283,6 +297,22 @@ mod tests {
                 assert!((period / truth[3] - 1.0).abs() < 1e-6, "{} {cycles}: {period} {}", curve.name(), truth[3]);
             }
         }
+    }
+
+    /// A track has the same fit with its times in other units: here 30 frames a second and 3 million.
+    #[test]
+    fn fits_do_not_depend_on_the_unit_of_time() {
+        let truth = [0.2, 0.4, 1.0, 0.0618];
+        let fitted = |unit: f64| {
+            let mut rng = Streams::new(7, 0).rng(1);
+            let mut noise = || 0.01 * rng.sample::<f64, _>(StandardNormal);
+            let track =
+                (0..600).map(|k| f64::from(k) / 30.0).map(|t| (t * unit, Curve::Sine.at(&truth, t) + noise(), 1e-6));
+            let fitted = fit(Curve::Sine, &track.collect::<Vec<_>>()).expect("a fit");
+            (fitted.values[3] / unit, fitted.covariance[3][3].sqrt() / unit)
+        };
+        let ((slow, slow_sd), (fast, fast_sd)) = (fitted(1.0), fitted(1e-5));
+        assert!((slow - fast).abs() < 1e-3 * slow_sd && (slow_sd / fast_sd - 1.0).abs() < 1e-3, "{slow} {fast}");
     }
 
     /// 200 tracks of each curve with independent and with correlated errors, fixed seed. The 95 % intervals of the last parameter hold the

@@ -50,7 +50,7 @@ impl Lens {
     /// Reads a file that OpenCV's `FileStorage` wrote (YAML, XML or JSON), or one of ROS (`camera_info`, YAML).
     ///
     /// # Errors
-    /// The file cannot be read, has no camera matrix or no coefficients, or has coefficients of another model.
+    /// The file cannot be read, has no camera matrix or no coefficients, or is of another model, such as that of a fisheye lens.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(&files::read_text(path, files::TEXT)?).map_err(|problem| Error::malformed(path, problem))
     }
@@ -60,6 +60,15 @@ impl Lens {
             let found = names.iter().find_map(|name| numbers(data_of(after(text, name)?)));
             found.ok_or_else(|| format!("it has no {}; give a calibration file of OpenCV", names[0]))
         };
+        let word = |name| {
+            Some(after(text, name)?.split(|c: char| !c.is_alphanumeric() && c != '_').find(|word| !word.is_empty()))
+        };
+        let other =
+            word("distortion_model").flatten().filter(|model| !["plumb_bob", "rational_polynomial"].contains(model));
+        let fisheye = word("fisheye_model").flatten().filter(|is| !["0", "false"].contains(is)).map(|_| "fisheye");
+        if let Some(model) = other.or(fisheye) {
+            return Err(format!("it is of the model {model}; calibrate with k1, k2, p1, p2 and k3 (plumb_bob)"));
+        }
         let matrix = data(&MATRIX)?;
         let all = data(&COEFFICIENTS)?;
         let [fx, skew, cx, _, fy, cy, ..] = matrix[..] else {
@@ -264,5 +273,10 @@ mod tests {
         refused(yaml.replace("-0.01 ]", "-0.01, 0.1, 0.2, 0.3 ]"), "8 distortion coefficients");
         refused(yaml.replace("[ 8.0e+02, 0.", "[ 8.0e+02, 0.5"), "not that of OpenCV");
         refused(yaml.replace("3.195e+02", ".nan"), "2 numbers");
+        // What ROS and OpenCV call a fisheye lens has coefficients of another meaning.
+        assert_eq!(Lens::parse(&format!("{yaml}distortion_model: plumb_bob\n")), Ok(LENS));
+        refused(format!("{yaml}distortion_model: equidistant\n"), "equidistant");
+        assert_eq!(Lens::parse(&xml.replace("<Camera", "<fisheye_model>0</fisheye_model>\n<Camera")), Ok(LENS));
+        refused(xml.replace("<Camera", "<fisheye_model>1</fisheye_model>\n<Camera"), "fisheye");
     }
 }

@@ -204,7 +204,7 @@ fn measure_point(
     let (fits, fit_notes) = fitting.fits(&settings.fits, &samples, &smoothing);
     let leaps = |k: &usize| smoothing.iter().any(|smoothing| smoothing.inflation[*k] > 1.0);
     let leaps: Vec<usize> = (0..frames.len()).filter(leaps).map(|k| first + k).collect();
-    let ask = ask::ask(track, &leaps);
+    let ask = ask::ask(track, reference, &leaps);
     let notes = ask::note(&ask).into_iter().collect();
     let (point, straightened, clock) = (name.to_owned(), settings.lens.is_some(), settings.clock);
     let (axes, unit) = (*axes, axes.unit());

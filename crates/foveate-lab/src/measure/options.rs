@@ -92,6 +92,10 @@ pub struct Earlier {
     pub reference: bool,
     /// Width and height of the tracked pictures, if they are known.
     pub picture: Option<[usize; 2]>,
+    /// Whether the distortion of a lens was removed from the positions; it is in the track.
+    pub lens: bool,
+    /// The scale at which the pictures were tracked, if it is known.
+    pub scale: Option<f64>,
 }
 
 impl Earlier {

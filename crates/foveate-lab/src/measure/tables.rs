@@ -15,7 +15,7 @@ use super::units::unit;
 /// Returns measure.csv, fits.json, ask.csv and measure.trk of at least one point, with their names. measure.trk is in pixels of the video,
 /// whose pictures were tracked at this scale, and names `video` if it is a file.
 pub fn tables(video: Option<&Path>, scale: f64, points: &[Measurement]) -> [(&'static str, String); 4] {
-    let texts = [csv(points), json(points), ask_csv(points), trk(video, scale, points)];
+    let texts = [csv(points), json(scale, points), ask_csv(points), trk(video, scale, points)];
     let mut names = ["measure.csv", "fits.json", "ask.csv", "measure.trk"].into_iter();
     texts.map(|text| (names.next().expect("as many"), text))
 }
@@ -61,11 +61,12 @@ fn ask_csv(points: &[Measurement]) -> String {
 }
 
 /// Returns fits.json.
-fn json(points: &[Measurement]) -> String {
+fn json(picture_scale: f64, points: &[Measurement]) -> String {
     let [scale, clock] = points[0].relative;
     let fits: Vec<&Fit> = points.iter().flat_map(|point| &point.fits).collect();
     let value = serde_json::json!({
         "unit": points[0].unit, "fps": points[0].clock, "reference": points[0].referenced, "picture": points[0].picture,
+        "lens": points[0].straightened, "scale": picture_scale,
         "relative_error_of_scale": scale, "relative_error_of_clock": clock, "fits": fits,
         "notes": notes(points),
     });
@@ -91,12 +92,11 @@ impl Measurement {
     /// Returns the results as lines of text.
     pub fn text(&self) -> Vec<String> {
         let gaps = self.rows.iter().filter(|row| row.measured.is_none()).count();
-        let off = |i: usize| self.smoothing[i].inflation.iter().filter(|factor| **factor > 1.0).count();
+        let off = (0..self.rows.len()).filter(|k| self.smoothing.iter().any(|it| it.inflation[*k] > 1.0)).count();
         let typical = |i: usize| median(self.rows.iter().map(|row| row.smoothed[i].sd[0]));
         let mut lines = vec![format!(
-            "{} frames, {gaps} of them bridged, {} down-weighted; typical error of a position {:.2e} {unit} in x, {:.2e} {unit} in y.",
+            "{} frames, {gaps} of them bridged, {off} down-weighted; typical error of a position {:.2e} {unit} in x, {:.2e} {unit} in y.",
             self.rows.len(),
-            off(0).max(off(1)),
             typical(0),
             typical(1),
             unit = self.unit
@@ -146,7 +146,7 @@ mod tests {
             ["frame", "t (s)", "x (m)", "y (m)", "vx (m/s)", "vy (m/s)", "ax (m/s^2)", "ay (m/s^2)"]
         );
         assert!(csv.lines().all(|line| line.split(',').count() == columns.len()) && csv.lines().count() == 31);
-        let json: serde_json::Value = serde_json::from_str(&json(points)).expect("JSON");
+        let json: serde_json::Value = serde_json::from_str(&json(1.0, points)).expect("JSON");
         assert_eq!(json["fits"][0]["values"][3]["name"], "g");
         assert!(text(points).iter().any(|line| line.contains("g = 9.8") && line.contains("m/s² (95 %: 9.7")));
     }
@@ -162,7 +162,8 @@ mod tests {
         assert_eq!(csv.lines().count(), 61);
         assert!(csv.lines().nth(1).is_some_and(|line| line.ends_with(",ball")));
         assert!(csv.lines().last().is_some_and(|line| line.ends_with(",\"a, \"\"b\"\" & <c>\"")));
-        let json: serde_json::Value = serde_json::from_str(&json(&points)).expect("JSON");
+        let json: serde_json::Value = serde_json::from_str(&json(0.5, &points)).expect("JSON");
+        assert_eq!((json["scale"].as_f64(), json["lens"].as_bool()), (Some(0.5), Some(false)));
         let fits = json["fits"].as_array().expect("fits").iter();
         let of: Vec<_> = fits.map(|fit| (fit["point"].as_str(), fit["fit"].as_str())).collect();
         assert_eq!(of[0], (Some("ball"), Some("parabola:y")));
@@ -171,5 +172,10 @@ mod tests {
         assert!(notes.any(|note| note.starts_with("ball: Check")));
         assert!(ask_csv(&points).lines().nth(1).is_some_and(|line| line.starts_with("1,") && line.ends_with(",ball")));
         assert_eq!(text(&points)[0], "Point ball:");
+        // An outlier in x in one frame, and in y in another.
+        let mut point = points[0].clone();
+        point.smoothing.iter_mut().for_each(|it| it.inflation.fill(1.0));
+        (point.smoothing[0].inflation[3], point.smoothing[1].inflation[4]) = (9.0, 9.0);
+        assert!(point.text()[0].contains(", 2 down-weighted"), "{:?}", point.text());
     }
 }
