@@ -300,6 +300,16 @@ fn a_measurement_follows_clumsy_settings() {
     browser.value("byId('length').value = '4', true");
     browser.drag(&[(150.0, 100.0)]);
     assert_eq!(browser.value("rulerLength() > 150"), json!(true));
+    // A second finger on the frame is no part of a drag.
+    browser.value(
+        "drag = { id: 5, from: [0, 0], client: [0, 0], far: true, tool: page.tool }, window.finger = (kind, pointerId) => \
+         byId('screen').dispatchEvent(new PointerEvent('pointer' + kind, { pointerId, clientX: 99, clientY: 99 })), true",
+    );
+    let shown = "JSON.stringify([scene.ruler, page.draft, drag.id])";
+    let before = browser.value(shown);
+    let second = format!("['down', 'move', 'up', 'cancel'].forEach(kind => finger(kind, 77)), {shown}");
+    assert_eq!(browser.value(&second), before);
+    assert_eq!(browser.value("finger('cancel', 5), drag"), json!(null));
     browser.click("#tool-done");
     // A ruler without length is none.
     browser.fill("length", "1");

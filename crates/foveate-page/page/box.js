@@ -22,6 +22,8 @@ for (const name of fields) byId('box-' + name).addEventListener('input', () => {
 });
 
 let drag = null;
+// A second finger moves nothing.
+const isDrag = event => drag?.id === event.pointerId;
 const screen_ = byId('screen');
 function pointed(event) {
   const area = screen_.getBoundingClientRect();
@@ -29,29 +31,35 @@ function pointed(event) {
   return [inside((event.clientX - area.left) / area.width * page.video.width, page.video.width), inside((event.clientY - area.top) / area.height * page.video.height, page.video.height)];
 }
 screen_.addEventListener('pointerdown', event => {
-  if (!page.video || event.button !== 0) return;
+  if (!page.video || event.button !== 0 || drag && !isDrag(event)) return;
   pause();
   screen_.focus({ preventScroll: true });
   screen_.setPointerCapture(event.pointerId);
-  drag = { from: pointed(event), client: [event.clientX, event.clientY], far: false, tool: page.tool };
+  drag = { id: event.pointerId, from: pointed(event), client: [event.clientX, event.clientY], far: false, tool: page.tool };
   event.preventDefault();
   if (drag.tool) { drag.tool.press(pixelOf(drag.from)); changed(); }
 });
 screen_.addEventListener('pointermove', event => {
-  if (!drag) return;
+  if (!isDrag(event)) return;
   if (drag.tool) { drag.tool.move(pixelOf(pointed(event))); return changed(); }
   drag.far ||= Math.hypot(event.clientX - drag.client[0], event.clientY - drag.client[1]) > 5;
   if (!drag.far) return;
   const [[x0, y0], [x1, y1]] = [drag.from, pointed(event)];
   setDraft(fitted({ x: Math.min(x0, x1), y: Math.min(y0, y1), w: Math.abs(x1 - x0), h: Math.abs(y1 - y0) }));
 });
-screen_.addEventListener('pointerup', doing(async () => {
+screen_.addEventListener('pointerup', doing(async event => {
+  if (!isDrag(event)) return;
   const was = drag;
   drag = null;
-  if (was?.tool) { was.tool.release(); return changed(); }
-  if (was && !was.far) await propose(was.from);
+  if (was.tool) { was.tool.release(); return changed(); }
+  if (!was.far) await propose(was.from);
 }));
-screen_.addEventListener('pointercancel', () => { drag?.tool?.release(); drag = null; });
+screen_.addEventListener('pointercancel', event => {
+  if (!isDrag(event)) return;
+  const { tool } = drag;
+  drag = null;
+  if (tool) { tool.release(); changed(); }
+});
 // The pixel at a place of the frame, whose first pixel has its centre at (0, 0).
 const pixelOf = place => place.map(v => quarter(v - .5));
 

@@ -92,15 +92,16 @@ function drawPlots() {
 }
 // A click on a chart goes to its frame; a drag selects the times of the fit.
 function listen(made) {
-  let from = null, far = false;
-  made.addEventListener('pointerdown', event => { from = made.timeAt(event); far = false; made.setPointerCapture(event.pointerId); made.startX = event.clientX; });
+  let from = null, far = false, finger = null;
+  made.addEventListener('pointerdown', event => { if (from !== null && event.pointerId !== finger) return; finger = event.pointerId; from = made.timeAt(event); far = false; made.setPointerCapture(event.pointerId); made.startX = event.clientX; });
   made.addEventListener('pointermove', event => {
-    if (from === null) return;
+    if (from === null || event.pointerId !== finger) return;
     far ||= Math.abs(event.clientX - made.startX) > 6;
     if (far) made.choose(from, made.timeAt(event));
   });
-  made.addEventListener('pointercancel', () => { from = null; markTime(); });
+  made.addEventListener('pointercancel', event => { if (event.pointerId === finger) { from = null; markTime(); } });
   made.addEventListener('pointerup', doing(async event => {
+    if (from === null || event.pointerId !== finger) return;
     const [start, end] = [from, made.timeAt(event)].sort((a, b) => a - b), { times, frames } = measuring.answer;
     from = null;
     if (far) {
