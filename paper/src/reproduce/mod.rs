@@ -103,6 +103,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let setup = Setup::of(args.data, store, args.out)?;
     let setup = Setup { settings: args.set, quick: args.quick, ..setup };
     let peers = peers::read(&args.peer)?;
+    std::fs::create_dir_all(&setup.out).map_err(Error::io(&setup.out, "cannot make the folder for results"))?;
     let (mut sections, mut missing) = (vec![], 0);
     for (i, experiment) in experiments.iter().enumerate() {
         note!("{} of {}: {}", i + 1, experiments.len(), experiment.title);

@@ -112,6 +112,19 @@ fn many_targets_in_parts() {
     assert!(page.contains("<th>HOTA</th>") && page.contains("data:image/png;base64,"));
 }
 
+/// A figure keeps no runs, for which the folder would be made.
+#[test]
+fn a_figure_makes_its_folder() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_paper"));
+    command.args(["reproduce", "fig-policy", "--quick", "--set", "particles=50", "--out", "new/out"]);
+    command.env("FOVEATE_DATA", dir.path()).current_dir(dir.path()).stdout(Stdio::null()).stderr(Stdio::null());
+    succeeds(command);
+    for file in ["index.html", "fig-policy.json", "fig-policy-1-8.svg"] {
+        assert!(dir.path().join("new/out").join(file).is_file(), "{file}");
+    }
+}
+
 #[test]
 fn impossible_requests_are_refused() {
     let dir = tempfile::tempdir().expect("a folder");
