@@ -28,7 +28,7 @@ pub(crate) use facts::probe;
 use foveate_base::{memory, thread};
 use foveate_core::geometry::Size;
 pub(crate) use input::{Input, KINDS};
-pub(crate) use said::Said;
+pub(crate) use said::{NO_LENGTH, Said};
 
 /// The pixels in ffmpeg's layout.
 pub(crate) type Pixels = Y4m<BufReader<ChildStdout>>;

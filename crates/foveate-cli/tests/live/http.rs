@@ -163,8 +163,9 @@ fn frames_of_a_stream_by_http_are_tracked_or_counted() {
     need!(clips(dir.path(), 60));
     let address = format!("{}/a.ts", serve(dir.path(), Serves::Unsized));
     track(dir.path(), "a.ts", "file", &[]);
-    track(dir.path(), &address, "every", &["--every-frame"]);
+    let output = track(dir.path(), &address, "every", &["--every-frame"]);
     assert_eq!(boxes(dir.path(), "every"), boxes(dir.path(), "file"));
+    assert!(!text(&output.stderr).contains("damaged"), "its end is no damage: {}", text(&output.stderr));
     let output = track(dir.path(), &address, "newest", &["--stream"]);
     let last: serde_json::Value =
         serde_json::from_str(text(&output.stdout).lines().last().expect("lines")).expect("JSON");

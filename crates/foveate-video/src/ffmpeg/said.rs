@@ -28,7 +28,7 @@ const CUT: [&str; 8] = [
     "Failed to open segment",
 ];
 /// The length of a transfer that has none: its end is no cut.
-const NO_LENGTH: &str = "should be 18446744073709551615";
+pub(crate) const NO_LENGTH: &str = "should be 18446744073709551615";
 /// The log line if our size filter refuses a picture.
 const RESIZED: &str = "evaluating the expression 'if(eq(iw,";
 /// Its message about a frame that it conceals in part.
