@@ -233,6 +233,40 @@ fn no_ffmpeg_outlives_the_program() {
     }
 }
 
+/// A stream does not begin again: what arrives first continues the track.
+#[test]
+fn a_saved_state_continues_with_the_first_frame_of_a_stream() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let whole = video(20);
+    let head = whole.len() - 20 * (6 + 160 * 120);
+    let rest = [&whole[..head], &whole[head + 10 * (6 + 160 * 120)..]].concat();
+    for (name, bytes) in [("whole", &whole), ("next", &rest)] {
+        std::fs::write(dir.path().join(format!("{name}.y4m")), bytes).expect("a writable folder");
+    }
+    let script = format!("[ \"$2\" = -h ] && exit 0\ncat '{}'", dir.path().join("next.y4m").display());
+    let path = instead_of_ffmpeg(dir.path(), &script);
+    let resumed = |source: &str, out: &str, more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+        command.current_dir(dir.path()).env("PATH", &path).args(["track", source, "--load-state", "s.json"]);
+        command.args(["--profile", "fast", "--no-report", "--no-video", "--out", out]).args(more);
+        let output = command.output().expect("the program starts");
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        boxes(dir.path(), out)
+    };
+    let stream = ["--every-frame", "--reconnect", "0"];
+    for (every, frames) in [("1", 10), ("3", 4)] {
+        let first = ["whole.y4m", "--no-video", "--out", "first", "--until", "10", "--every", every];
+        let output = run(dir.path(), &[&first[..], &["--save-state", "s.json"]].concat(), vec![]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let of_stream = resumed("rtsp://127.0.0.1:9/x", "stream", &[&stream[..], &["--every", every]].concat());
+        assert_eq!(of_stream.len(), frames, "every {every}");
+        let table = std::fs::read_to_string(dir.path().join("stream/track.csv")).expect("a table");
+        assert!(table.lines().nth(1).is_some_and(|row| row.starts_with("1,")), "{table}");
+    }
+    // A file is read from its beginning.
+    assert_eq!(resumed("whole.y4m", "file", &["--every", "3"]).len(), 3);
+}
+
 fn make(path: PathBuf, options: &str) -> bool {
     let source = "testsrc2=size=320x240:rate=25:duration=2";
     let made = Command::new("ffmpeg")

@@ -72,7 +72,8 @@ pub(crate) struct Args {
     /// Random seed; the same seed gives the same track. Default: the configuration's seed
     #[arg(long)]
     pub(super) seed: Option<u64>,
-    /// Resume from a state written by --save-state, at the frame after the last tracked one; requires the same --config and --seed
+    /// Resume from a state written by --save-state, at the frame after the last tracked one, in a stream or camera at the first that
+    /// arrives, which is frame 1; requires the same --config and --seed
     #[arg(long, value_name = "FILE", conflicts_with = "init")]
     pub(super) load_state: Option<PathBuf>,
     /// Save the tracker's state after the last frame, for --load-state

@@ -78,12 +78,17 @@ impl<'a> Plan<'a> {
         };
         let mut selection = args.input.selection();
         let read = |path: &'a Path| SavedState::read(path).map(|saved| (path, saved));
-        let saved = args.load_state.as_deref().map(read).transpose()?;
+        let mut saved = args.load_state.as_deref().map(read).transpose()?;
         if let Some((_, saved)) = &saved {
             // Every so many frames from the last tracked one on.
             selection.from = saved.next_frame.saturating_sub(1) % selection.every;
         }
         let opened = args.input.open_selected(source, selection)?;
+        if opened.joined
+            && let Some((_, saved)) = &mut saved
+        {
+            (selection.from, saved.next_frame) = (0, 0);
+        }
         let about = opened.source.info().clone();
         if opened.tiles.is_some() {
             check_reads_tiles(&blueprint, source, &name, many)?;

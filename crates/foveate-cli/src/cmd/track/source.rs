@@ -110,6 +110,8 @@ pub(crate) struct Opened {
     pub source: Box<dyn FrameSource>,
     /// Whether its end is unknown.
     pub endless: bool,
+    /// Whether it is a stream or a camera: its frames are counted from the first that arrives.
+    pub joined: bool,
     /// The tile folder, if the pictures are in tiles; the source then yields only their numbers.
     pub tiles: Option<TileFolder>,
     pace: Pace,
@@ -156,9 +158,9 @@ impl SourceArgs {
         self.open_selected(path, self.selection())
     }
 
-    /// Opens a source of these frames.
+    /// Opens a source of these frames; a stream or a camera begins with the first frame that arrives.
     pub(super) fn open_selected(&self, path: &Path, selection: Selection) -> Result<Opened> {
-        let (live, mut endless) = (is_live(path), is_endless(path));
+        let (live, mut endless, mut joined) = (is_live(path), is_endless(path), false);
         let wrong = |what: &str| Error::Invalid(format!("{}: {what}", path.display()));
         if self.listen && !live {
             return Err(wrong("--listen is for rtsp:// and http://; leave it out"));
@@ -190,7 +192,8 @@ impl SourceArgs {
             let options = LiveOptions { listen: self.listen, reconnect, notify: note_line, ..usual };
             let source = Live::open(path, options)?;
             // The source waits for the tracker unless only new frames are wanted.
-            endless = !source.is_finite() || max_latency.is_some();
+            joined = !source.is_finite();
+            endless = joined || max_latency.is_some();
             let reconnected = source.reconnections();
             (Box::new(source), Some(reconnected))
         } else {
@@ -202,9 +205,10 @@ impl SourceArgs {
         let pace = Pace { every_frame: self.every_frame || (!live && max_latency.is_none()), max_latency };
         // Tiles are already scaled.
         let scale = if tiles.is_some() { 1.0 } else { self.scale };
-        let source = select(source, Selection { scale, ..selection });
+        let from = if joined { 0 } else { selection.from };
+        let source = select(source, Selection { from, scale, ..selection });
         self.check_from(source.info())?;
-        Ok(Opened { source, endless, tiles, pace, reconnected })
+        Ok(Opened { source, endless, joined, tiles, pace, reconnected })
     }
 
     fn check_from(&self, about: &SourceInfo) -> Result<()> {
