@@ -56,7 +56,7 @@ pub struct RunPlan<'a> {
     pub warnings: Warnings,
     /// Whether the run is endless: the summary then has no list that grows with every frame.
     pub endless: bool,
-    /// Called after every frame.
+    /// Called after every tracked frame, before the observer: if the observer fails, the tracker has seen the frame all the same.
     pub progress: Option<&'a mut dyn FnMut(&Frame)>,
 }
 
@@ -158,9 +158,6 @@ impl Run<'_, '_, '_> {
                 tracked => tracked?,
             }
             self.summary.frames += 1;
-            if let Some(progress) = &mut self.plan.progress {
-                progress(&frame);
-            }
             // Do not wait for the next frame, which may come late.
             if frame.index == self.plan.until {
                 break;
@@ -227,6 +224,9 @@ impl Run<'_, '_, '_> {
                 let shown = tiles.as_ref().and(seen.picture).map(|picture| of(frame, picture));
                 let frame = shown.as_ref().unwrap_or(frame);
                 summary.add(&seen, &frame.image, plan.endless);
+                if let Some(progress) = &mut plan.progress {
+                    progress(frame);
+                }
                 observer.observe(frame, slice::from_ref(&seen))
             }
             AnyTracker::Many(tracker) => {
@@ -246,6 +246,9 @@ impl Run<'_, '_, '_> {
                 }
                 spent(summary, Duration::ZERO);
                 summary.add_all(tracker.targets(), started);
+                if let Some(progress) = &mut plan.progress {
+                    progress(frame);
+                }
                 observer.observe(frame, tracker.targets())
             }
         }

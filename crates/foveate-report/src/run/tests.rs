@@ -131,3 +131,37 @@ fn frames_with_a_lost_target_of_many_are_counted() {
     }
     assert_eq!((summary.occluded, summary.lost), (1, 2));
 }
+
+/// A state saved then continues with the frame after it.
+#[test]
+fn a_frame_is_tracked_though_its_observer_fails() {
+    struct Broken;
+    impl Observer for Broken {
+        fn observe(&mut self, frame: &Frame, _: &[Seen<'_>]) -> Result<()> {
+            if frame.index == 3 { Err(Error::Invalid("nobody reads".into())) } else { Ok(()) }
+        }
+    }
+    let source = || {
+        let info = SourceInfo { width: 96, height: 64, frames: None, rate: 30.0, reader: String::new() };
+        Pipe { info, come: 0..9, image: picture() }
+    };
+    let bbox = BBox::new(10.0, 10.0, 20.0, 20.0);
+    let blueprint = |name| Config::builtin(name).expect("it ships").expect("it is right").check(&Nowhere);
+    let one = blueprint("natural-fast").expect("it fits");
+    let after = |observer: &mut dyn Observer, until| {
+        let (mut tracker, mut last) = (one.tracker(1).expect("it fits"), 0);
+        let mut progress = |frame: &Frame| last = frame.index;
+        let plan = RunPlan { init: Some(bbox), until, progress: Some(&mut progress), ..RunPlan::default() };
+        let (_, result) = run(&mut source(), &mut tracker, observer, plan);
+        (serde_json::to_value(tracker.save()).expect("plain data"), last, result.is_ok())
+    };
+    let (state, last, well) = after(&mut Broken, 8);
+    assert!(last == 3 && !well);
+    assert!(after(&mut Numbers(vec![]), 3) == (state, 3, true), "it is that after frame 3");
+    let mut many = blueprint("multi").expect("it fits").multi_tracker(1).expect("trackers");
+    let mut last = 0;
+    let mut progress = |frame: &Frame| last = frame.index;
+    let given = [Given { frame: 0, id: None, bbox }];
+    let plan = RunPlan { given: &given, progress: Some(&mut progress), ..RunPlan::default() };
+    assert!(run(&mut source(), &mut many, &mut Broken, plan).1.is_err() && last == 3);
+}
