@@ -25,6 +25,8 @@ ENCODINGS = {
     "mono16": (2, "rgb"),
     "16UC1": (2, "rgb"),
 }
+# How far a direction may be off, in focal lengths: a thousandth of a pixel in pictures of 1000 pixels.
+CLOSE = 1e-6
 OK, WARN, ERROR, STALE = (bytes([level]) for level in range(4))
 
 
@@ -188,22 +190,29 @@ class Camera:
         self.binning = max(1, info.binning_x), max(1, info.binning_y)
         self.offset = info.roi.x_offset, info.roi.y_offset
 
-    def direction(self, u: float, v: float) -> np.ndarray:
-        """The unit vector through a pixel of the picture: x right, y down, z forward."""
+    def direction(self, u: float, v: float) -> np.ndarray | None:
+        """The unit vector through a pixel of the picture: x right, y down, z forward. None outside the border of the distortion."""
         u, v = ((at + 0.5) * by - 0.5 + off for at, by, off in zip((u, v), self.binning, self.offset))
         k = self.matrix
         y = (v - k[1, 2]) / k[1, 1]
         distorted = np.array([(u - k[0, 2] - k[0, 1] * y) / k[0, 0], y])
         if self.model == "equidistant":
             radius = float(np.hypot(*distorted))
-            theta = _solve(lambda t: t * (1 + np.polyval([*self.distortion[3::-1], 0.0], t * t)) - radius, radius)
+            off = lambda t: t * (1 + np.polyval([*self.distortion[3::-1], 0.0], t * t)) - radius
+            theta = _solve(off, radius)
+            if not (abs(off(theta)) < CLOSE and -CLOSE < theta <= math.pi):
+                return None
             sine = math.sin(theta) / radius if radius else 1.0
             return np.array([*(distorted * sine), math.cos(theta)])
         plane = distorted
-        for _ in range(100 if self.model else 0):
-            plane, before = plane - (self._distort(plane) - distorted), plane
-            if np.abs(plane - before).max() < 1e-12:
-                break
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(100 if self.model else 0):
+                plane, before = plane - (self._distort(plane) - distorted), plane
+                if np.abs(plane - before).max() < 1e-12:
+                    break
+            # False of NaN, too.
+            if not np.abs(self._distort(plane) - distorted).max() < CLOSE:
+                return None
         ray = np.array([*plane, 1.0])
         return ray / np.linalg.norm(ray)
 
@@ -215,9 +224,12 @@ class Camera:
         skew = np.array([2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y])
         return plane * radial + skew
 
-    def angles(self, u: float, v: float) -> np.ndarray:
-        """The rotations about x and then y, radians, that turn the optical axis to a pixel."""
-        x, y, z = self.direction(u, v)
+    def angles(self, u: float, v: float) -> np.ndarray | None:
+        """The rotations about x and then y, radians, that turn the optical axis to a pixel; None as `direction`."""
+        ray = self.direction(u, v)
+        if ray is None:
+            return None
+        x, y, z = ray
         return np.array([math.atan2(-y, math.hypot(x, z)), math.atan2(x, z)])
 
 
@@ -234,22 +246,25 @@ def _solve(f: Any, start: float) -> float:
 
 
 def bearing(types: Any, tracked: Tracked, camera: Camera) -> Any:
-    """A geometry_msgs/PoseWithCovarianceStamped at the camera whose z axis points to the target; None without one. The covariance is that
-    of the rotations about x and y, radians squared."""
+    """A geometry_msgs/PoseWithCovarianceStamped at the camera whose z axis points to the target; None without one, or if the camera
+    has no direction there. The covariance is that of the rotations about x and y, radians squared."""
     seen = tracked.seen
     if seen is None:
         return None
     u, v = _centre(seen)
+    step = 0.5  # pixels
+    places = ((0, 0), (step, 0), (-step, 0), (0, step), (0, -step))
+    angles = [camera.angles(u + a, v + b) for a, b in places]
+    if any(each is None for each in angles):
+        return None
     message = types.PoseWithCovarianceStamped()
     message.header = tracked.header
-    about_x, about_y = camera.angles(u, v) / 2
+    about_x, about_y = angles[0] / 2
     q = message.pose.pose.orientation
     # About x, then about y.
     q.x, q.y = math.sin(about_x) * math.cos(about_y), math.cos(about_x) * math.sin(about_y)
     q.z, q.w = -math.sin(about_x) * math.sin(about_y), math.cos(about_x) * math.cos(about_y)
-    step = 0.5  # pixels
-    along = [(camera.angles(u + a, v + b) - camera.angles(u - a, v - b)) / (2 * step) for a, b in ((step, 0), (0, step))]
-    jacobian = np.stack(along, axis=1)
+    jacobian = np.stack([angles[1] - angles[2], angles[3] - angles[4]], axis=1) / (2 * step)
     message.pose.covariance = _spread(jacobian @ np.asarray(seen.covariance)[:2, :2] @ jacobian.T, [3, 4])
     return message
 

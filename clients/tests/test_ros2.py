@@ -269,6 +269,17 @@ def test_cameras_without_calibration_are_refused() -> None:
     assert np.allclose(rectified.direction(300, 240), [0, 0, 1])
 
 
+@pytest.mark.parametrize(("model", "d"), [("plumb_bob", [-0.45, 0.25, 0, 0, -0.09]), ("equidistant", [-0.5, 0, 0, 0])])
+def test_there_is_no_bearing_outside_the_border_of_the_distortion(model: str, d: list[float]) -> None:
+    camera = messages.Camera(info(model, list(map(float, d))))
+    seen = lambda u: types.SimpleNamespace(box=(u, 230.0, 9.0, 9.0), covariance=np.eye(6))
+    bearing = lambda u: messages.bearing(TYPES, messages.Tracked(header(0), seen(u)), camera)
+    ray = camera.direction(410.5, 236.25)
+    assert np.allclose(project(model, d, ray), [410.5, 236.25]) and bearing(410.0) is not None
+    for u in (640.0, 700.0, 1e4, 1e9, -1e9):
+        assert camera.direction(u, 236.25) is None and camera.angles(u, 200.0) is None and bearing(u) is None, u
+
+
 @pytest.mark.parametrize(("model", "d"), MODELS)
 def test_a_bearing_turns_the_axis_to_the_target_with_its_covariance(model: str, d: list[float]) -> None:
     _, tracked = follow()
