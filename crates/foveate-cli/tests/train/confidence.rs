@@ -79,8 +79,11 @@ fn unwritable_results_are_refused_at_once() {
         command
     };
     fails(with("--cues", &dir.path().join("folder")), "expected a file to write to, found a folder");
-    fails(with("--cues", &dir.path().join("table.toml")), "table or plot is written to the same file");
-    fails(with("--cues", &dir.path().join("table.svg")), "table or plot is written to the same file");
+    for name in ["table.toml", "table.svg", "table.runs"] {
+        fails(with("--cues", &dir.path().join(name)), "are written under the same name");
+    }
+    fails(fit(dir.path(), "table.svg"), "its plot gets the same name");
+    fails(fit(dir.path(), "table.runs"), "the folder of its finished tracks gets the same name");
     let mut second = fit(dir.path(), "table.toml");
     second.arg("--only-second-opinion");
     fails(second, "--only-second-opinion: digits has none; add second_opinion");

@@ -82,21 +82,24 @@ pub(super) fn run(args: &Args) -> Result<()> {
             args.config
         )));
     }
-    if args.out.extension().is_some_and(|it| it == "svg") {
-        let problem = "--out is the file of the table; its plot gets the same name with .svg; give another name, such as confidence.toml";
-        return Err(Error::Invalid(format!("{}: {problem}", args.out.display())));
+    for (what, end) in [("its plot gets", "svg"), ("the folder of its finished tracks gets", "runs")] {
+        if args.out.extension().is_some_and(|it| it == end) {
+            let problem = format!(
+                "--out is the file of the table; {what} the same name with .{end}; give another name, such as confidence.toml"
+            );
+            return Err(Error::Invalid(format!("{}: {problem}", args.out.display())));
+        }
     }
-    let plot = args.out.with_extension("svg");
-    if let Some(cues) = args.cues.as_ref().filter(|cues| [&args.out, &plot].contains(cues)) {
-        let problem = "table or plot is written to the same file; give another one";
+    let (plot, finished) = (args.out.with_extension("svg"), args.out.with_extension("runs"));
+    if let Some(cues) = args.cues.as_ref().filter(|cues| [&args.out, &plot, &finished].contains(cues)) {
+        let problem = "table, plot or finished tracks are written under the same name; give another one";
         return Err(Error::Invalid(format!("--cues {}: {problem}", cues.display())));
     }
     for path in [&args.out, &plot].into_iter().chain(&args.cues) {
         writable(path)?;
         spare(path, &[args.config.as_ref()])?;
     }
-    let (videos, store) =
-        (Videos::of(&args.tracked)?, Store { folder: args.out.with_extension("runs"), ..Store::default() });
+    let (videos, store) = (Videos::of(&args.tracked)?, Store { folder: finished, ..Store::default() });
     let mut tracks: Vec<Judgement> = vec![];
     let (mut before, mut kept) = (0, vec![]);
     for round in 1..=args.rounds {
