@@ -54,7 +54,8 @@ command = {python} {csrt}
 
 
 def add(sequence: Path, folder: Path) -> None:
-    """Writes a sequence in VOT's layout: pixels count from 0, pictures are JPEG, every 50th frame is an anchor."""
+    """Writes a sequence in VOT's layout: pixels count from 0, pictures are JPEG, every 50th frame, or the next with a target,
+    is an anchor."""
     (folder / "color").mkdir(parents=True)
     text = (sequence / "groundtruth_rect.txt").read_text().replace(",", " ")
     boxes = np.array([[float(word) for word in line.split()] for line in text.splitlines() if line.strip()]) - [1, 1, 0, 0]
@@ -69,8 +70,10 @@ def add(sequence: Path, folder: Path) -> None:
     (folder / "groundtruth.txt").write_text("".join(",".join(f"{v:g}" for v in box) + "\n" for box in boxes))
     # 1: forwards from here, -1: backwards; the longer way.
     anchors = [0] * len(files)
-    for at in range(0, len(files), 50):
-        anchors[at] = 1 if at < len(files) / 2 else -1
+    there = np.flatnonzero(np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > 0).all(axis=1))
+    for start in range(0, len(files), 50):
+        for at in there[(there >= start) & (there < len(files))][:1]:
+            anchors[at] = 1 if at < len(files) / 2 else -1
     (folder / "anchor.value").write_text("".join(f"{a}\n" for a in anchors))
     about = f"name={sequence.name}\nfps=30\nformat=default\nchannel.default=color\nchannels.color=color/%08d.jpg\n"
     (folder / "sequence").write_text(about + f"width={width}\nheight={height}\nlength={len(files)}\n")

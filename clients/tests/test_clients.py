@@ -116,6 +116,26 @@ def test_csrt_names_the_package_it_needs(tmp_path: Path) -> None:
     assert done.returncode == 1 and "pip install opencv-contrib-python" in done.stderr, done.stderr
 
 
+@pytest.fixture
+def numbered(tmp_path: Path) -> Path:
+    """120 pictures, 1.png to 120.png, as bright as their numbers; the target is away in 51 to 53 and from 101 on."""
+    cv2 = need("cv2")
+    (tmp_path / "seqs" / "a" / "img").mkdir(parents=True)
+    lines = ["NaN,NaN,NaN,NaN\n" if 51 <= n <= 53 else "0,0,0,0\n" if n > 100 else "2,2,4,4\n" for n in range(1, 121)]
+    for n in range(1, 121):
+        cv2.imwrite(str(tmp_path / "seqs" / "a" / "img" / f"{n}.png"), np.full((8, 8, 3), n, np.uint8))
+    (tmp_path / "seqs" / "a" / "groundtruth_rect.txt").write_text("".join(lines))
+    return tmp_path / "seqs" / "a"
+
+
+def test_a_workspace_has_anchors_with_a_target(numbered: Path, tmp_path: Path) -> None:
+    import vot_workspace
+
+    vot_workspace.add(numbered, tmp_path / "a")
+    anchors = (tmp_path / "a" / "anchor.value").read_text().split()
+    assert {n: anchor for n, anchor in enumerate(anchors, 1) if anchor != "0"} == {1: "1", 54: "1"}
+
+
 def test_got10k_figures_are_those_of_eval(program: str, folder: Path, tmp_path: Path) -> None:
     need("got10k", "foveate")
     import got10k_foveate as client
