@@ -16,6 +16,7 @@ import foveate
 import numpy as np
 from got10k.experiments import ExperimentOTB
 from got10k.trackers import Tracker
+from otb_pictures import pictures
 
 
 class FoveateTracker(Tracker):
@@ -50,8 +51,7 @@ class Folders:
     def __getitem__(self, i: int) -> tuple[list[str], np.ndarray]:
         text = (self.folders[i] / "groundtruth_rect.txt").read_text()
         boxes = np.array([[float(w) for w in line.replace(",", " ").split()] for line in text.splitlines() if line])
-        files = sorted(str(p) for p in (self.folders[i] / "img").iterdir())
-        return files[: len(boxes)], boxes
+        return [str(path) for path in pictures(self.folders[i])][: len(boxes)], boxes
 
     def __iter__(self) -> Iterator[tuple[list[str], np.ndarray]]:
         return (self[i] for i in range(len(self)))

@@ -1,4 +1,4 @@
-"""Makes a workspace of vot-toolkit from sequences in OTB's layout, to evaluate trackers without a network.
+"""Makes a workspace of vot-toolkit from sequences in OTB's layout with img/, to evaluate trackers without a network.
 
     python clients/vot_workspace.py WORKSPACE SEQUENCE...
     vot evaluate --workspace WORKSPACE foveate csrt
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from otb_pictures import pictures
 
 STACK = """title: Local sequences
 dataset: {dataset}
@@ -59,7 +60,7 @@ def add(sequence: Path, folder: Path) -> None:
     (folder / "color").mkdir(parents=True)
     text = (sequence / "groundtruth_rect.txt").read_text().replace(",", " ")
     boxes = np.array([[float(word) for word in line.split()] for line in text.splitlines() if line.strip()]) - [1, 1, 0, 0]
-    files = sorted((sequence / "img").iterdir())[: len(boxes)]
+    files = pictures(sequence)[: len(boxes)]
     for i, file in enumerate(files, 1):
         target = folder / "color" / f"{i:08d}.jpg"
         if file.suffix.lower() in (".jpg", ".jpeg"):

@@ -136,6 +136,16 @@ def test_a_workspace_has_anchors_with_a_target(numbered: Path, tmp_path: Path) -
     assert {n: anchor for n, anchor in enumerate(anchors, 1) if anchor != "0"} == {1: "1", 54: "1"}
 
 
+def test_pictures_come_in_the_order_of_their_numbers(numbered: Path, tmp_path: Path) -> None:
+    import otb_pictures
+    import vot_workspace
+
+    assert [path.name for path in otb_pictures.pictures(numbered)] == [f"{n}.png" for n in range(1, 121)]
+    vot_workspace.add(numbered, tmp_path / "a")
+    mean = lambda n: need("cv2").imread(str(tmp_path / "a" / "color" / f"{n:08d}.jpg")).mean()
+    assert all(abs(mean(n) - n) < 3 for n in (1, 2, 10, 99, 100, 120))
+
+
 def test_got10k_figures_are_those_of_eval(program: str, folder: Path, tmp_path: Path) -> None:
     need("got10k", "foveate")
     import got10k_foveate as client
