@@ -30,7 +30,7 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let recipe: training::Recipe<Recipe> = args.recipe(&RECIPES)?;
     let r = &recipe.training;
     r.check()?;
-    let glimpses = Glimpses::look(&recipe.glimpses, &args.data, Visible::Gaussian, r.seed)?;
+    let glimpses = Glimpses::look(&recipe.glimpses, &args.data, &files, Visible::Gaussian, r.seed)?;
     let trainer = glimpses.train::<Trainer>(&files, r, |trainer, monitored| {
         let model = trainer.learned();
         let [(ours, covariance, mean), (theirs, ..)] = monitored.map(|rows| fit(&model, rows));

@@ -70,7 +70,7 @@ fn train(args: &RbmArgs) -> Result<()> {
     let recipe: common::Recipe<Recipe> = args.recipe(&RECIPES)?;
     let r = &recipe.training;
     r.check()?;
-    let glimpses = common::Glimpses::look(&recipe.glimpses, &args.data, r.visible, r.seed)?;
+    let glimpses = common::Glimpses::look(&recipe.glimpses, &args.data, &files, r.visible, r.seed)?;
     let trainer = glimpses.train::<Trainer>(&files, r, |trainer, monitored| {
         let learned = trainer.learned();
         let [fit, held] = monitored.map(|rows| Fit::of(&learned, rows));

@@ -89,6 +89,9 @@ fn mistakes_are_errors() {
     says("--restart begins anew", &[]);
     std::fs::remove_file(dir.join("m.safetensors.checkpoint")).expect("written above");
     says("bad.toml", &["--config", "bad.toml"]);
+    std::fs::write(dir.join("c.toml"), b"").expect("a writable folder");
+    let same = ["train", "classifier", "--data", "pictures", "--config", "c.toml", "--out", "c.toml"];
+    fails(command(dir, &same), "it is read, and would be replaced");
     std::fs::write(dir.join("pictures/zero/03.png"), b"not a picture").expect("a writable folder");
     says("03.png", &[]);
     (0..19).for_each(|i| std::fs::remove_file(dir.join(format!("pictures/zero/{i:02}.png"))).expect("written above"));

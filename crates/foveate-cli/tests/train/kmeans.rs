@@ -47,6 +47,17 @@ fn mistakes_are_errors_before_the_work() {
     says(&["patch=9"], "patch is 2 to 8 cells, got 9");
     says(&["training.softening=0"], "softening is above 0");
     says(&["patches=10"], "need as many patches");
-    // Its picture of the filters would replace it.
+    // Its picture of the filters would replace it, or a photograph.
     fails(command(dir.path(), "m.png", &[]), "the picture of the filters gets this name");
+    fails(command(dir.path(), "natural/3", &[]), "which is read; give another folder");
+    let mut inside = Command::new(env!("CARGO_BIN_EXE_foveate"));
+    inside.args(["train", "kmeans", "--data", "natural", "--out", "natural/3"]).current_dir(dir.path());
+    fails(inside, "which is read; give another folder");
+    // A picture beside their folder is none of them.
+    std::fs::copy(dir.path().join("natural/3.png"), dir.path().join("before.png")).expect("a writable folder");
+    says(&["patches=10"], "need as many patches");
+    std::fs::write(dir.path().join("r.toml"), "patch = 4\n").expect("a writable folder");
+    let mut recipe = command(dir.path(), "r.toml", &[]);
+    recipe.arg("--recipe").arg(dir.path().join("r.toml"));
+    fails(recipe, "it is read, and would be replaced");
 }

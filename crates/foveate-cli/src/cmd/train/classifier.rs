@@ -1,6 +1,6 @@
 //! Implements `foveate train classifier`: a recogniser of the user's own classes, from one folder of pictures per class.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use foveate::Result;
 use foveate::config::{Config, RetinaConfig};
@@ -94,7 +94,8 @@ impl Args {
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> Result<()> {
-    let files = Files::of(&args.out, args.restart)?;
+    let inputs: Vec<&Path> = args.config.iter().map(Path::new).collect();
+    let files = Files::of(&args.out, &inputs, args.restart)?;
     let (config, folder) = args.layer()?;
     let (retina, encoder) = config.identity(&folder)?;
     let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");

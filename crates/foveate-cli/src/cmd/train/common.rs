@@ -17,7 +17,7 @@ use foveate::{Error, Result, files};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::cmd::results::writable;
+use crate::cmd::results::{spare, writable};
 use crate::terminal;
 
 /// Interval between checkpoints within an epoch; a checkpoint is also written after every epoch.
@@ -84,7 +84,8 @@ pub struct Glimpses {
 impl Args {
     /// Returns the output files of the training.
     pub fn files(&self) -> Result<Files<'_>> {
-        Files::of(&self.out, self.restart)
+        let inputs: Vec<&Path> = self.recipe.iter().map(Path::new).collect();
+        Files::of(&self.out, &inputs, self.restart)
     }
     /// Reads the recipe, by default the first of `shipped`, which are names and TOML texts, and applies the changes.
     pub fn recipe<T: Serialize + DeserializeOwned>(&self, shipped: &[(&str, &'static str)]) -> Result<T> {
@@ -117,13 +118,18 @@ impl Glimpses {
         files.train(recipe, &self.sha256, |_| Ok(self.rows()), |rows| *rows, line)
     }
 
-    /// Reads the pictures in a folder, takes the glimpses, and prints a summary. Fails before reading if a count is 0 or the retina's windows
-    /// do not fit.
-    pub fn look(recipe: &GlimpseRecipe, data: &Path, visible: Visible, seed: u64) -> Result<Self> {
+    /// Reads the pictures in a folder, takes the glimpses, and prints a summary. Fails before reading if a count is 0, the retina's windows
+    /// do not fit, or one of the output files would become a photograph.
+    pub fn look(recipe: &GlimpseRecipe, data: &Path, files: &Files<'_>, visible: Visible, seed: u64) -> Result<Self> {
         let retina = Foveal::new(recipe.retina.clone())?;
         let counts = [recipe.number, recipe.held_out];
         if counts.contains(&0) {
             return Err(Error::Config("glimpses.number and glimpses.held_out must be at least 1".into()));
+        }
+        if recipe.set == Set::Natural {
+            let inner = data.join("natural");
+            let photographs = [if inner.is_dir() { &*inner } else { data }];
+            [files.model, &files.picture].into_iter().try_for_each(|path| spare(path, &photographs))?;
         }
         let source = Source::load(recipe.set, data)?;
         let (learn, held) = source.split()?;
@@ -181,15 +187,19 @@ pub struct Files<'a> {
 
 impl<'a> Files<'a> {
     /// Creates the paths of the model and of the picture of its filters beside it; `restart` ignores a checkpoint.
-    /// Fails if a folder is missing or a folder has the name of a file, so that the error comes before the work.
-    pub fn of(model: &'a Path, restart: bool) -> Result<Self> {
+    /// Fails if a folder is missing, a folder has the name of a file, or a file would replace one of the `inputs`, so that the error comes
+    /// before the work.
+    pub fn of(model: &'a Path, inputs: &[&Path], restart: bool) -> Result<Self> {
         let picture = model.with_extension("png");
         if picture == model {
             let problem =
                 "the picture of the filters gets this name; give the model another one, such as model.safetensors";
             return Err(Error::Invalid(format!("--out {}: {problem}", model.display())));
         }
-        [model, &picture].into_iter().try_for_each(writable)?;
+        for path in [model, &picture] {
+            writable(path)?;
+            spare(path, inputs)?;
+        }
         let mut checkpoint = model.to_path_buf().into_os_string();
         checkpoint.push(".checkpoint");
         Ok(Self { model, checkpoint: checkpoint.into(), picture, restart })

@@ -45,7 +45,7 @@ impl Args {
         if !(2..=8).contains(&side) {
             return Err(Error::Config(format!("patch is 2 to 8 cells, got {side}")));
         }
-        let glimpses = Glimpses::look(&plan.glimpses, &self.common.data, Visible::Gaussian, recipe.seed)?;
+        let glimpses = Glimpses::look(&plan.glimpses, &self.common.data, &files, Visible::Gaussian, recipe.seed)?;
         let cut = Patches::new(glimpses.retina.cells(), side, 1)?;
         let streams = |seed| Streams::new(seed, 0).at(1, Purpose::Scene);
         let learn = cut.some(glimpses.rows(), plan.patches, streams(recipe.seed));
