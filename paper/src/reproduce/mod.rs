@@ -73,7 +73,8 @@ pub(crate) struct Args {
     write_docs: Option<PathBuf>,
 }
 
-/// Returns the requested experiments, each once: those of the program in the order of the page, then files.
+/// Returns the requested experiments, each once: those of the program in the order of the page, then files. Fails if the results of two
+/// files would have the same names.
 fn chosen(names: &[String]) -> Result<Vec<Experiment>> {
     let such = |name: &str, word: &str| match word {
         "all" => true,
@@ -85,9 +86,20 @@ fn chosen(names: &[String]) -> Result<Vec<Experiment>> {
     let ours = EXPERIMENTS.iter().map(|e| e.0);
     let mut wanted: Vec<&str> = ours.filter(|name| names.iter().any(|word| such(name, word))).collect();
     for word in names.iter().filter(|word| !EXPERIMENTS.iter().any(|e| such(e.0, word))) {
-        wanted.push(word);
+        if !wanted.contains(&&**word) {
+            wanted.push(word);
+        }
     }
-    wanted.into_iter().map(Experiment::named).collect()
+    let all: Vec<Experiment> = wanted.iter().map(|word| Experiment::named(word)).collect::<Result<_>>()?;
+    for (i, experiment) in all.iter().enumerate() {
+        if let Some(before) = all[..i].iter().position(|other| other.name == experiment.name) {
+            return Err(Error::Config(format!(
+                "{}: its results would replace those of {}; rename one of the files",
+                wanted[i], wanted[before]
+            )));
+        }
+    }
+    Ok(all)
 }
 
 pub(crate) fn run(args: Args) -> Result<()> {

@@ -135,8 +135,11 @@ fn impossible_requests_are_refused() {
     std::fs::write(dir.path().join("wrong.toml"), wrong).expect("writable");
     let flat = format!("{head}{scene}[[line]]\nname = 'Hedge'\nconfig = 'digits-hedge'\n");
     std::fs::write(dir.path().join("flat.toml"), flat).expect("writable");
+    std::fs::create_dir(dir.path().join("other")).expect("writable");
+    std::fs::copy(dir.path().join("flat.toml"), dir.path().join("other/flat.toml")).expect("writable");
     for (wrong, says) in [
         (&["table9"][..], "table1"),
+        (&["flat.toml", "other/flat.toml"], "other/flat.toml: its results would replace those of flat.toml"),
         (&["table1", "--shard", "3/2"], "1/4"),
         (&["table1", "--quick", "--merge", "nowhere"], "nowhere"),
         (&["table1", "--quick", "--peer", "peers.csv"], "peers.csv"),
