@@ -21,7 +21,7 @@ pub mod training {
 }
 /// Videos with ground truth.
 pub mod videos {
-    pub use crate::cmd::videos::{Video, of_sequence};
+    pub use crate::cmd::videos::{Video, digest, of_sequence};
 }
 pub use invocation::{command, set as start};
 

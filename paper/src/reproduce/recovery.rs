@@ -14,7 +14,7 @@ use super::output::Figure;
 use super::plan::Experiment;
 use super::setup::Setup;
 use foveate_cli::runs::{self, Finished};
-use foveate_cli::videos::of_sequence;
+use foveate_cli::videos::{self, of_sequence};
 
 /// All clips of one sequence.
 #[derive(Clone, Serialize, Deserialize)]
@@ -41,22 +41,24 @@ pub(super) fn recovery(experiment: &Experiment, setup: &Setup) -> Result<Option<
     if setup.quick {
         sequences.truncate(1);
     }
+    let named = |sequence: Sequence| videos::digest(&sequence).map(|data| (sequence, data));
+    let sequences: Vec<(Sequence, String)> = sequences.into_iter().map(named).collect::<Result<_>>()?;
     for line in &experiment.lines {
         let entry = line.entry(&setup.settings)?;
-        let key = |sequence: &Sequence| {
-            let settings = format!("{:?} {:?} {:?}", experiment.occluded, experiment.seeds, sequence.truth);
-            digest(&[entry.key.as_bytes(), settings.as_bytes()])
+        let key = |(_, data): &(Sequence, String)| {
+            let settings = format!("{:?} {:?}", experiment.occluded, experiment.seeds);
+            digest(&[entry.key.as_bytes(), settings.as_bytes(), data.as_bytes()])
         };
-        let make = |sequence: &Sequence| {
+        let make = |(sequence, _): &(Sequence, String)| {
             let cases = cases(experiment, &entry.blueprint, sequence)?;
             let text = runs::text(&cases)?;
             Ok((Clips(cases), text))
         };
-        let runs = setup.store.finished(&experiment.name, &sequences, &|s| s.truth.len(), &key, &make)?;
+        let runs = setup.store.finished(&experiment.name, &sequences, &|s| s.0.truth.len(), &key, &make)?;
         let clips = runs.into_iter().map(|run| run.map(|clips| clips.0));
         let Some(runs) = clips.collect::<Option<Vec<Vec<Case>>>>() else { return Ok(None) };
         let short = sequences.iter().zip(&runs).filter(|(_, cases)| cases.is_empty());
-        figure.missing.extend(short.map(|(sequence, _)| format!("{}: too short", sequence.name)));
+        figure.missing.extend(short.map(|((sequence, _), _)| format!("{}: too short", sequence.name)));
         let cases: Vec<Case> = runs.concat();
         figure.text += &format!("{}\n\n{}", line.name, text(&cases));
         let lines = lines(&cases.iter().collect::<Vec<_>>());

@@ -195,3 +195,26 @@ fn settings_and_seeds_name_other_runs_and_damaged_ones_are_done_again() {
     assert_eq!(runs(dir, "out").len(), 10);
     assert!(dir.join("out/fig-hedge.svg").is_file());
 }
+
+#[test]
+fn a_changed_picture_names_another_run() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let paper = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_paper"));
+        let output = command.args(args).env("FOVEATE_DATA", dir).current_dir(dir).output().expect("it starts");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        said
+    };
+    // Too short for a clip, which would take time.
+    paper(&["synth", "clutter", "--frames", "12", "--out", "tracking/a"]);
+    let recovery = || paper(&["reproduce", "recovery", "--quick", "--out", "out"]);
+    assert!(recovery().contains("1 run, 0 of them"));
+    assert!(recovery().contains("1 run, 1 of them"));
+    let all = std::fs::read_dir(dir.join("tracking/a/img")).expect("pictures").map(|entry| entry.expect("one").path());
+    let mut pictures: Vec<_> = all.collect();
+    pictures.sort();
+    std::fs::copy(&pictures[2], &pictures[1]).expect("a writable folder");
+    assert!(recovery().contains("1 run, 0 of them"));
+}

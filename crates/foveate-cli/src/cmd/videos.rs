@@ -10,6 +10,8 @@ use foveate::text::counted;
 use foveate::video::open;
 use foveate::{Error, Result};
 
+use crate::cmd::eval::record::Data;
+
 /// A video with its ground truth.
 pub struct Video<'a> {
     /// Its name.
@@ -42,6 +44,14 @@ impl Video<'_> {
             picture: Box::new(move |t| (self.picture)(last - t)),
         }
     }
+}
+
+/// Returns a digest of the true boxes and the pictures of a sequence, for the names of finished runs.
+///
+/// # Errors
+/// It has no pictures, or one cannot be read.
+pub fn digest(sequence: &Sequence) -> Result<String> {
+    Data::with_pictures(sequence).map(|data| data.digest())
 }
 
 /// Decodes a sequence into memory.

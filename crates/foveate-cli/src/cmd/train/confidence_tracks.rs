@@ -13,9 +13,8 @@ use foveate::lab::hide::{Hide, WAYS, Way};
 use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
 use foveate::lab::{Digits, Split};
 
-use crate::cmd::eval::record::Data;
 use crate::cmd::eval::record::program;
-use crate::cmd::videos::{Video, of_scene, of_sequence};
+use crate::cmd::videos::{self, Video, of_scene, of_sequence};
 use crate::runs::{self, Entry, Finished, Store};
 
 /// The videos to track, as arguments.
@@ -80,7 +79,7 @@ impl Videos {
     /// Creates the videos selected by the arguments.
     pub(super) fn of(args: &Tracked) -> Result<Self> {
         let Some(name) = args.scene else {
-            let named = |sequence: Sequence| Data::with_pictures(&sequence).map(|data| (sequence, data.digest()));
+            let named = |sequence: Sequence| videos::digest(&sequence).map(|digest| (sequence, digest));
             return Ok(Self::Sequences(find_sequences(&args.seqs)?.into_iter().map(named).collect::<Result<_>>()?));
         };
         let digits = match &args.data {
