@@ -3,10 +3,10 @@
 import numpy as np
 
 
-def rows(path: str) -> np.ndarray:
-    """frame, id, x, y, w, h of the rows that count (conf is not 0)."""
+def rows(path: str, truth: bool = False) -> np.ndarray:
+    """frame, id, x, y, w, h of the rows that count: of results all, of the truth those with a conf that has a whole part."""
     table = np.loadtxt(path, delimiter=",", ndmin=2, usecols=range(7))
-    return table[table[:, 6] != 0][:, :6]
+    return table[np.trunc(table[:, 6]) != 0][:, :6] if truth else table[:, :6]
 
 
 def overlaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ def distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def figures(truth: str, tracks: str) -> dict[str, float]:
     """MOTA, IDF1 and the number of identity switches."""
-    true, found = rows(truth), rows(tracks)
+    true, found = rows(truth, truth=True), rows(tracks)
     matches = mm.MOTAccumulator()
     for frame in np.unique(np.concatenate([true[:, 0], found[:, 0]])):
         a, b = true[true[:, 0] == frame], found[found[:, 0] == frame]

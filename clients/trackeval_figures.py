@@ -15,7 +15,7 @@ from trackeval.metrics import CLEAR, HOTA, Identity
 
 def figures(truth: str, tracks: str) -> dict[str, float]:
     """HOTA, DetA and AssA (means over its 19 thresholds), MOTA, IDF1 and the number of identity switches."""
-    true, found = rows(truth), rows(tracks)
+    true, found = rows(truth, truth=True), rows(tracks)
     frames = np.unique(np.concatenate([true[:, 0], found[:, 0]]))
     names = [np.unique(table[:, 1]) for table in (true, found)]
     data: dict[str, Any] = {"gt_ids": [], "tracker_ids": [], "similarity_scores": [], "num_timesteps": len(frames)}

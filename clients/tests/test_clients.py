@@ -242,13 +242,25 @@ def of_eval(program: str, folder: Path) -> dict:
             # Two of them swap their names; some are missed, some are too far off.
             name = {1: 2, 2: 1}.get(target, target) if frame > 20 else target
             if rng.random() > 0.1:
-                found.append(f"{frame},{name},{x + rng.integers(0, 9)},{y},20,40,1,-1,-1,-1\n")
+                found.append(f"{frame},{name},{x + rng.integers(0, 9)},{y},20,40,{target - 1},-1,-1,-1\n")
+        # Flags that do not count: 0, and what MOTChallenge truncates to 0.
+        true.append(f"{frame},9,{frame},200,20,40,{0.5 * (frame % 2)},-1,-1,-1\n")
     (folder / "gt.txt").write_text("".join(true))
     (folder / "tracks.txt").write_text("".join(found))
     command = [program, "eval", "--mot", "--json", "--truth", "gt.txt", "--results", "tracks.txt", "--out", "out"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)["trackers"][0]["pooled"]
+
+
+def test_rows_with_a_flag_of_zero_count_in_results_alone(tmp_path: Path) -> None:
+    import mot_text
+
+    flags = ["0", "0.9", "1", "-1", "0.0"]
+    text = "".join(f"{frame},1,2,3,4,5,{flag},-1,-1,-1\n" for frame, flag in enumerate(flags, 1))
+    (tmp_path / "a.txt").write_text(text)
+    assert mot_text.rows(str(tmp_path / "a.txt"))[:, 0].tolist() == [1, 2, 3, 4, 5]
+    assert mot_text.rows(str(tmp_path / "a.txt"), truth=True)[:, 0].tolist() == [3, 4]
 
 
 @pytest.mark.parametrize("package", ["motmetrics", "trackeval"])
