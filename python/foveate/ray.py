@@ -225,6 +225,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         raise SystemExit(str(error)) from None
 
 
+def _checked(parser: argparse.ArgumentParser, own: Sequence[str]) -> argparse.Namespace:
+    """The arguments, if the numbers of tries and processes are possible."""
+    args = parser.parse_args(own)
+    if args.retries < 0:
+        parser.error(f"argument --retries: expected 0 or more, got {args.retries}")
+    if args.workers is not None and args.workers < 1:
+        parser.error(f"argument --workers: expected 1 or more, got {args.workers}")
+    return args
+
+
 def _main(arguments: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     end = given.index("--") if "--" in given else len(given)
@@ -239,10 +249,10 @@ def _main(arguments: Sequence[str] | None) -> int:
     parser.add_argument("--retries", type=int, default=3, metavar="N", help="tries after a worker died (3)")
     parser.add_argument("--workers", type=int, default=None, metavar="N", help="processes at a time (all processors)")
     if command is None:
-        args = parser.parse_args(own)
+        args = _checked(parser, own)
         return 1 if run(videos(args.videos), args.out, options, args.retries, args.workers) else 0
     parser.add_argument("--parts", type=int, default=None, metavar="N", help=f"tasks ({PARTS} for each processor)")
-    args = parser.parse_args(own[1:])
+    args = _checked(parser, own[1:])
     if args.parts is not None and not 1 <= args.parts <= 100_000:
         parser.error(f"argument --parts: expected 1 to 100000, got {args.parts}")
     return run_parts([command], args.out, options, args.parts, args.retries, args.workers)

@@ -220,6 +220,16 @@ def test_without_ray_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.parametrize("command", [["--videos", "a.mp4"], ["eval"]])
+@pytest.mark.parametrize(("option", "least"), [("--workers", 1), ("--retries", 0)])
+def test_impossible_numbers_are_refused(
+    command: list[str], option: str, least: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        foveate.ray.main([*command, "--out", str(tmp_path / "out"), option, str(least - 1)])
+    assert f"argument {option}: expected {least} or more, got {least - 1}" in capsys.readouterr().err
+
+
 def running() -> dict[int, tuple[int, bytes]]:
     """Processes, each with its parent and its command line; those that are dead and wait for their parent are left out."""
     found = {}
