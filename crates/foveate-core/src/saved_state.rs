@@ -11,7 +11,7 @@ use crate::origin::Origin;
 use crate::tree::Node;
 
 /// The format number of saved trackers, of one target and of many.
-pub(crate) const FORMAT: u32 = 24;
+pub(crate) const FORMAT: u32 = 25;
 
 /// The state of a tracker or of a part: any value that serde can write. Only the part itself interprets it. As text it is JSON.
 ///

@@ -265,8 +265,10 @@ impl Tracker {
         self.ensemble.reset_at(&bbox);
         self.times.take_dropped();
         let state = self.ensemble.first().state_at(&bbox);
-        let place = |last: Seen<'static>| Seen { extent: last.extent, state, ..Seen::given(last.shape, &bbox) };
-        *self.last = self.last.map(place);
+        let extent = self.last.map_or_else(|| self.extent(), |last| Some(last.extent));
+        if let Some((extent, shape)) = extent.zip(self.last.map(|last| last.shape).or(self.shape)) {
+            *self.last = Some(Seen { extent, state, ..Seen::given(shape, &bbox) });
+        }
         Ok(())
     }
 

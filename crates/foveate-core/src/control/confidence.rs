@@ -178,9 +178,10 @@ impl LossMonitor {
         self.state = LossState::none();
     }
 
-    /// Resets the search after a new position was given; the running means stay.
-    pub(crate) fn restart(&mut self) {
-        let LossState { frames, confident, evidence, deviation, distance, seen, .. } = self.state;
+    /// Resets the search after the new position `at` was given; the running means stay.
+    pub(crate) fn restart(&mut self, at: &State) {
+        let LossState { frames, confident, evidence, deviation, distance, .. } = self.state;
+        let seen = *at;
         self.state = LossState { frames, confident, evidence, deviation, distance, seen, ..LossState::none() };
     }
 

@@ -50,7 +50,7 @@ foveate_base::opaque_debug!(Filter);
 const FARTHEST: f64 = 1e9;
 
 /// The largest log of width / height, relative to frame 1, that a target is given: 20 to 1.
-const MOST_ASPECT: f64 = 3.0;
+pub(super) const MOST_ASPECT: f64 = 3.0;
 
 /// Reads log weights: JSON has no −∞, which is null there.
 fn log_weights<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Vec<f64>, D::Error> {

@@ -1,5 +1,6 @@
 //! Changes of the target between frames (a new template, another place, the visible fraction), and similarity to the template.
 
+use super::filter::MOST_ASPECT;
 use super::target::Target;
 use super::view::View;
 use super::{Claim, Engine, Parts};
@@ -85,7 +86,10 @@ impl Engine {
     /// Draws particles around this state, for a target of this half size, and sets P(lost) to 0 until the next frame.
     pub(super) fn restart(&mut self, state: &State, extent: Extent) {
         self.parts.monitor.reset_consistency();
-        self.parts.monitor.loss.restart();
+        self.parts.monitor.loss.restart(state);
+        if let Some(it) = &mut self.parts.extras.box_regression {
+            it.restart();
+        }
         self.parts.filter.spread(state, extent, self.streams.at(self.frame, Purpose::Start));
         self.context.lost = false;
     }
@@ -113,10 +117,12 @@ impl Engine {
         others.for_each(|other| self.visibility.add(other));
     }
 
-    /// Returns the state of this box, upright and at rest, with a scale relative to the template. Panics before [`Engine::init`].
+    /// Returns the state of this box, upright and at rest, with size and shape relative to the template. Panics before [`Engine::init`].
     pub(crate) fn state_at(&self, bbox: &BBox) -> State {
-        let log_scale = (Extent::of(bbox).mean() / self.target().drawn().mean()).ln();
-        State { log_scale, ..State::of(bbox) }
+        let (given, drawn) = (Extent::of(bbox), self.target().drawn());
+        let log_scale = (given.mean() / drawn.mean()).ln();
+        let log_aspect = (given.half_w / given.half_h * drawn.half_h / drawn.half_w).ln();
+        State { log_scale, log_aspect: log_aspect.clamp(-MOST_ASPECT, MOST_ASPECT), ..State::of(bbox) }
     }
 
     /// Returns how similar a place is to the target: 1 for the similarity of its own place in its first frame, 0 for that of other places.
@@ -200,6 +206,24 @@ mod tests {
         assert_eq!(it.visibility.fraction(), 0.4);
         it.reset_at(&target(50.0));
         assert_eq!(it.visibility.fraction(), 1.0);
+    }
+
+    /// A given box has its own size and shape, which a search that follows begins with. What moved the reported box from the old one is gone.
+    #[test]
+    fn a_given_box_is_reported_as_it_is() {
+        let mut it = used();
+        let corrected = |it: &Engine| it.parts.extras.box_regression.as_ref().expect("it has one").is_corrected();
+        assert!(corrected(&it));
+        let given = BBox::around(60.0, 40.0, 30.0, 10.0);
+        it.reset_at(&given);
+        let seen = *it.parts.monitor.loss.seen().expect("a place was given");
+        assert!(!corrected(&it) && seen == it.state_at(&given));
+        let BBox { x, y, w, h } = seen.bbox(it.target().drawn());
+        for (found, given) in [(x, given.x), (y, given.y), (w, given.w), (h, given.h)] {
+            assert!((found - given).abs() < 1e-9, "{found} {given}");
+        }
+        let far = BBox { w: 1e6, ..given };
+        assert_eq!(it.state_at(&far).log_aspect, MOST_ASPECT);
     }
 
     /// A new template resets the appearance learned with the old one, and the evidence under it. Policy, class and visible fraction are the

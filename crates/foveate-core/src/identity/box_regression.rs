@@ -222,6 +222,17 @@ impl BoxRegression {
         Some([take(2), 2.0 * take(3)])
     }
 
+    /// Drops the correction: the target was moved into another box. It looks in the next frame.
+    pub(crate) fn restart(&mut self) {
+        self.state.correction = Correction::default();
+    }
+
+    /// Whether the box was moved.
+    #[cfg(test)]
+    pub(crate) fn is_corrected(&self) -> bool {
+        self.state.correction != Correction::default()
+    }
+
     /// Adds the values read since the last call.
     pub fn measure(&mut self, meter: &mut Meter) {
         if let Some(read) = self.glimpse.read.take() {

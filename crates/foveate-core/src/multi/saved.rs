@@ -7,7 +7,7 @@ use super::occlusion::Fronts;
 use super::ranks::Ranks;
 use super::target::{SHAPE, Target};
 use super::{MOST_ID, MultiTracker};
-use crate::control::Consistency;
+use crate::control::{Consistency, Cues};
 use crate::geometry::{BBox, Covariance, Extent, Gaze, Size, State};
 use crate::origin::Origin;
 use crate::saved_state::{FORMAT, SavedState, Valid, Validate, ensure, refused};
@@ -51,6 +51,8 @@ state!(Track of Seen<'static> {
     born: usize,
     phase: Phase,
     p_lost: f64,
+    own_p_lost: f64,
+    cues: Cues,
     bbox: BBox,
     state: State,
     extent: Extent,

@@ -125,7 +125,7 @@ impl Target {
         let step = self.ensemble.step_on(Scene { image, detections });
         let (estimate, covariance, deficit, class) =
             (step.state, step.covariance, step.consistency.deficit, step.class);
-        let (gaze, bbox, p_lost) = (step.gaze, step.bbox, step.p_lost);
+        let (gaze, bbox, p_lost, own_p_lost, cues) = (step.gaze, step.bbox, step.p_lost, step.own_p_lost, step.cues);
         let lost = self.ensemble.first().is_searching() && detections.is_empty();
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
         // Looks cannot show a loss while another target overlaps it; after too long an occlusion the box counts as a guess.
@@ -143,7 +143,8 @@ impl Target {
         let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / longer_half(&estimate, extent);
         let moved = moved / (1 + waited) as f64;
         self.surprise += NEWEST * (moved - self.surprise);
-        self.track = Seen { p_lost, state: estimate, covariance, extent, gaze, class, ..self.track }.in_phase(phase);
+        self.track = Seen { p_lost, own_p_lost, cues, state: estimate, covariance, extent, gaze, class, ..self.track }
+            .in_phase(phase);
         self.track.consistency.deficit = deficit;
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
             self.shape += s.shape * (shape(&b, &estimate, extent) - self.shape);

@@ -85,6 +85,14 @@ fn what_is_put_right_is_not_lost() {
     assert!(!update(&mut tracker, &gone).is_usable());
     tracker.reset_at(INIT).expect("a box in the picture");
     assert_eq!(update(&mut tracker, &there), Status::Tracking);
+    // One that was loaded has a result too when it is given a place.
+    let mut loaded = self::tracker(&[]);
+    loaded.load(&tracker.save()).expect("its own state");
+    let wide = BBox { w: 2.0 * INIT.w, ..INIT };
+    loaded.reset_at(wide).expect("a box in the picture");
+    let seen = loaded.predict(0.0).expect("a result");
+    let off = |of: fn(&BBox) -> f64| (of(&seen.bbox) - of(&wide)).abs();
+    assert!(off(|b| b.x).max(off(|b| b.w)).max(off(|b| b.h)) < 1e-9, "{:?}", seen.bbox);
     let given = |visible: f64| {
         let mut tracker = self::tracker(&[]);
         tracker.set_visibility(visible);

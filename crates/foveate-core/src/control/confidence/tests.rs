@@ -54,7 +54,7 @@ fn what_is_given_again_begins_again() {
     (0..30).for_each(|_| _ = c.judge(&shown(-3.0, 0.0)));
     (0..20).for_each(|_| _ = c.judge(&shown(-12.0, 1.0)));
     assert!(!c.last().status.is_usable());
-    c.restart();
+    c.restart(&State::default());
     let TrackConfidence { status, p_lost, own, .. } = c.last();
     assert_eq!((status, p_lost, own), (Status::Tracking, 0.0, 0.0), "nothing is known of it yet");
     let first = c.judge(&FrameEvidence { agreement: Some(0.9), elsewhere: 0.2, ..shown(-3.0, 0.0) });
@@ -249,7 +249,7 @@ fn a_loss_in_the_first_frames_is_reported_where_the_second_opinion_agrees() {
     }
     let mut c = LossMonitor::new(model);
     (0..5).for_each(|_| _ = c.judge(&frame(0.0, 0.9)));
-    c.restart();
+    c.restart(&State::default());
     assert!(c.judge(&frame(1.0, 0.0)).status.is_usable(), "another place, the same template");
     c.forget_usual();
     assert!(!c.judge(&frame(1.0, 0.0)).status.is_usable(), "a new template is young");
@@ -328,12 +328,13 @@ fn a_restart_keeps_the_usual_values() {
         let cues = c.judge(&shown(-6.0, 0.0)).cues;
         (cues[2] > 0.5, cues[CUES - 1] > -3.0)
     };
-    let usual = |c: &LossMonitor| (c.state.evidence, c.state.deviation, c.state.distance, c.state.seen, c.state.frames);
-    let mut restarted = c.clone();
-    restarted.restart();
+    let usual = |c: &LossMonitor| (c.state.evidence, c.state.deviation, c.state.distance, c.state.frames);
+    let (mut restarted, given) = (c.clone(), State { x: 70.0, ..State::default() });
+    restarted.restart(&given);
     assert_eq!(usual(&restarted), usual(&c));
+    assert_eq!(restarted.seen(), Some(&given), "the given place is the last that is known");
     assert_eq!(after(|_| ()), (true, true));
-    assert_eq!(after(LossMonitor::restart), (true, false));
+    assert_eq!(after(|c| c.restart(&State::default())), (true, false));
     assert_eq!(after(LossMonitor::forget_usual), (false, false));
 }
 
