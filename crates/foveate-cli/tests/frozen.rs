@@ -189,7 +189,7 @@ fn the_page_on_confidence_shows_what_its_command_gives() {
     let video = source.to_str().expect("its name is text");
     foveate(
         folder.path(),
-        &["track", video, "--seed", "1", "--until", "161", "--no-video", "--no-report", "--out", "out"],
+        &["track", video, "--seed", "1", "--until", "162", "--no-video", "--no-report", "--out", "out"],
     );
     let (found, truth) = (boxes(&folder.path().join("out/boxes.txt")), boxes(&source.join("groundtruth_rect.txt")));
     let table = std::fs::read_to_string(folder.path().join("out/track.csv")).expect("a table");

@@ -187,7 +187,7 @@ impl Engine {
         // Selection
         let ancestors = filter.select(&belief, &estimate, streams.at(t, Select), last.ancestors);
         // Report
-        let (reported, change) = extras.regress(&view, &estimate, answer, verdict.is_confident());
+        let (reported, change) = extras.regress(&view, &estimate, answer, verdict.follows);
         filter.reshape(change);
         second::follow(second.as_deref_mut(), &view, &estimate, &verdict, change);
         let reported = Some((reported, verdict.confidence));

@@ -327,7 +327,7 @@ pub const TRACE: &[Column] = &[
     Column::new(
         "confidence.cues",
         "",
-        "Inputs of P(lost): deficit, frame_deficit, drop, lasting, flat, spread, distance, margin, colour, elsewhere, agreement, absence.",
+        "Inputs of P(lost): deficit, frame_deficit, drop, lasting, flat, spread, distance, margin, colour, elsewhere, agreement, absence, leap.",
     ),
     Column::new("extent.half_w", "px", "Half the width of the box at scale 1 in the shape of frame 1."),
     Column::new("extent.half_h", "px", "Half the height of the box at scale 1 in the shape of frame 1."),

@@ -28,8 +28,8 @@ mod vote;
 pub use self::localisation::{Localisation, PlaceEvidence};
 use self::model::MOST_ODDS;
 pub use self::model::{
-    AGREEMENT, AbsenceWeights, CUE_NAMES, CUES, ConfidenceModel, Cues, EarlyWeights, OWN, ReacquisitionWeights,
-    SecondTrackerWeights,
+    ABSENCE, AGREEMENT, AbsenceWeights, CUE_NAMES, CUES, ConfidenceModel, Cues, EarlyWeights, LEAP, OWN,
+    ReacquisitionWeights, SecondTrackerWeights,
 };
 use self::search::SearchState;
 pub use self::vote::{Ballot, Vote};
@@ -71,6 +71,8 @@ pub struct FrameEvidence {
     /// How much more it resembles the surroundings of the target in remembered frames than the target; 0 without
     /// memory.
     pub elsewhere: f64,
+    /// Distance of the estimate from its prediction, half boxes.
+    pub innovation: f64,
     /// Overlap (IoU) with the box of the second tracker; `None` without one.
     pub agreement: Option<f64>,
     /// Logit of absence at the estimate by the box regression; `None` if it was not evaluated.
@@ -107,14 +109,15 @@ pub(crate) struct LossState {
     frames: usize,
     /// Confident frames under this template.
     confident: usize,
-    /// Mean evidence, its mean deviation, and mean distance, on the target.
+    /// Mean evidence, its mean deviation, mean distance and mean innovation, on the target.
     evidence: f64,
     deviation: f64,
     distance: f64,
+    innovation: f64,
     /// The last estimate, and the last confident position.
     estimate: State,
     seen: State,
-    /// What fitted best in the whole picture, by the last search.
+    /// What fitted best in the part of the picture that was searched last, and in others if it fits.
     best_place: Option<State>,
     /// Nothing is smoothed yet.
     is_new: bool,
@@ -126,6 +129,8 @@ pub(crate) struct LossState {
     agreement: f64,
     /// Running mean of the logit of absence by the box regression.
     absence: f64,
+    /// The largest innovation, less the longer ago it was.
+    leap: f64,
     /// The last result: whether the tracker searches, and the reported status.
     search: SearchState,
     reported: ReportedStatus,
@@ -147,8 +152,16 @@ const NEWEST: f64 = 0.05;
 const SMOOTH: f64 = 0.2;
 /// The same for the similarity to remembered surroundings; short, so that returns are reported soon.
 const SHARPER: f64 = 0.4;
+/// The share of an innovation that counts a frame later.
+const KEPT: f64 = 0.985;
+/// ln of an innovation, relative to the mean, that is usual.
+const USUAL: f64 = 0.5;
+/// An innovation that is small, half boxes.
+const SMALL: f64 = 0.05;
 /// Own P(lost) below which a frame is confident.
 const CONFIDENT: f64 = 0.05;
+/// P(lost) below which the particles follow the box regression.
+const FOLLOWED: f64 = 0.3;
 /// Logit of absence before the box regression has been evaluated: the target was given or found.
 const PRESENT: f64 = -MOST_ODDS;
 /// Least deviation of the evidence, as a share of the distance between the reference likelihoods on and off the
@@ -180,9 +193,10 @@ impl LossMonitor {
 
     /// Resets the search after the new position `at` was given; the running means stay.
     pub(crate) fn restart(&mut self, at: &State) {
-        let LossState { frames, confident, evidence, deviation, distance, .. } = self.state;
+        let LossState { frames, confident, evidence, deviation, distance, innovation, .. } = self.state;
         let seen = *at;
-        self.state = LossState { frames, confident, evidence, deviation, distance, seen, ..LossState::none() };
+        self.state =
+            LossState { frames, confident, evidence, deviation, distance, innovation, seen, ..LossState::none() };
     }
 
     /// Resets the running means, because later looks are compared with another template.
@@ -281,6 +295,10 @@ impl LossMonitor {
         if let Some(absent) = absent {
             m.absence += if anew { 1.0 } else { self.model.absence.rate } * (absent - m.absence);
         }
+        let innovation = if m.search.is_searching || !s.innovation.is_finite() { 0.0 } else { s.innovation };
+        m.leap = innovation.max(KEPT * m.leap);
+        let ratio = if m.frames > 0 { (m.leap + SMALL) / (m.innovation + SMALL) } else { 1.0 };
+        let leap = (ratio.ln() - USUAL).clamp(0.0, 4.0);
         let absence = if self.model.absence.counts() { m.absence } else { PRESENT };
         let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
         let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
@@ -299,13 +317,14 @@ impl LossMonitor {
             m.elsewhere,
             agreement,
             absence,
+            leap,
         ]
     }
 
     /// Updates the usual evidence on the target.
     fn learn(&mut self, s: &FrameEvidence) {
         let m = &mut self.state;
-        if !(s.evidence.is_finite() && s.distance.is_finite()) {
+        if !(s.evidence.is_finite() && s.distance.is_finite() && s.innovation.is_finite()) {
             return;
         }
         m.frames = m.frames.saturating_add(1);
@@ -316,12 +335,22 @@ impl LossMonitor {
         }
         m.evidence += share * off;
         m.distance += share * (s.distance - m.distance);
+        // A leap is unusual, except in the first frame.
+        let most = if m.frames > 1 { 3.0 * m.innovation + 2.0 * SMALL } else { f64::INFINITY };
+        m.innovation += share * (s.innovation.min(most) - m.innovation);
         m.seen = s.estimate;
     }
 
     /// Whether the box regression doubts that the target is at the estimate: then nothing is learned from the frame.
     pub(crate) fn is_doubted(&self) -> bool {
         self.model.by_absence(&self.state.cues) >= self.model.leave
+    }
+
+    /// Whether the particles may follow the box regression: outside of a search, while the own P(lost) and the bound of the first frames are
+    /// small.
+    pub(crate) fn follows(&self) -> bool {
+        let early = self.model.by_early(&self.state.cues, self.state.confident);
+        !self.is_searching() && self.state.own.max(early) < FOLLOWED
     }
 
     /// Whether only the box regression reports a loss. The appearance was then learned from another object.
@@ -347,6 +376,9 @@ impl Validate for LossState {
     fn validate(&self, (): &()) -> Valid {
         ensure([self.p_lost, self.own].iter().all(|p| (0.0..=1.0).contains(p)), || {
             format!("P(lost) is 0 to 1; it is {}, and {} by the own cues", self.p_lost, self.own)
+        })?;
+        ensure(self.innovation >= 0.0 && self.leap >= 0.0, || {
+            format!("distances are 0 or more; the usual one is {}, the largest {}", self.innovation, self.leap)
         })
     }
 }

@@ -23,9 +23,9 @@ mod status;
 
 pub use self::camera_motion::CameraMotion;
 pub use self::confidence::{
-    AGREEMENT, AbsenceWeights, Ballot, CUE_NAMES, CUES, ConfidenceModel, Cues, EarlyWeights, FrameEvidence, LOST,
-    Localisation, LossMonitor, OWN, PlaceEvidence, ReacquisitionWeights, SearchResult, SecondTrackerWeights,
-    TrackConfidence, Vote,
+    ABSENCE, AGREEMENT, AbsenceWeights, Ballot, CUE_NAMES, CUES, ConfidenceModel, Cues, EarlyWeights, FrameEvidence,
+    LEAP, LOST, Localisation, LossMonitor, OWN, PlaceEvidence, ReacquisitionWeights, SearchResult,
+    SecondTrackerWeights, TrackConfidence, Vote,
 };
 pub use self::consistency::{Consistency, ConsistencyMonitor, ConsistencySettings};
 pub use self::detection_likelihood::DetectionLikelihood;

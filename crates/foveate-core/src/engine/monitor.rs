@@ -16,8 +16,6 @@ use crate::identity::{Lesson, Memory, Percept};
 /// P(lost) below which a frame is confident, and the number of frames from one remembered frame to the next.
 const CERTAIN: f64 = 0.05;
 const REMEMBERED_EVERY: u64 = 8;
-/// Reported P(lost) below which the particles follow the box regression.
-const CONFIDENT: f64 = 0.3;
 
 /// Monitors the evidence and computes P(lost) from it.
 #[derive(Debug)]
@@ -46,6 +44,8 @@ pub(super) struct Verdict {
     pub confidence: TrackConfidence,
     /// Whether the tracker searches for the target from now on.
     pub is_searching: bool,
+    /// Whether the particles may follow the box regression.
+    pub follows: bool,
     /// Whether the tracker was on another object: it has just lost the target, and everything learned since frame 1 is reset.
     pub is_misled: bool,
     /// How the models may learn the frame; `None` for no update.
@@ -53,11 +53,6 @@ pub(super) struct Verdict {
 }
 
 impl Verdict {
-    /// Returns whether the particles may follow the box regression.
-    pub(super) fn is_confident(&self) -> bool {
-        !self.is_searching && self.confidence.p_lost < CONFIDENT
-    }
-
     /// Returns the context in which the policy plans the next frame.
     pub(super) fn context(&self, evidence: &FrameEvidence, belief: &Particles, estimate: &Estimate) -> Context {
         Context {
@@ -136,6 +131,8 @@ impl Monitor {
         let reference = view.target.reference;
         let unit = view.target.unit * estimate.mean.log_scale.exp();
         let evidence = belief.log_evidence / looks.count();
+        let (w, h) = estimate.mean.half(view.target.extent);
+        let away = (estimate.mean.x - belief.expected.x, estimate.mean.y - belief.expected.y);
         let (mut distractor, mut consistency, mut elsewhere) = (None, self.consistency.last(), 0.0);
         if view.is_judged {
             // Scaled by the visible fraction, as the log-likelihood of the target is.
@@ -152,6 +149,7 @@ impl Monitor {
             distance: percept.distance,
             colour: percept.colour,
             elsewhere,
+            innovation: (away.0 / w).hypot(away.1 / h),
             agreement,
             absent,
             estimate: estimate.mean,
@@ -179,7 +177,7 @@ impl Monitor {
         let is_misled = is_searching && !was_lost && self.loss.is_misled();
         let learns = is_judged && self.consistency.learns(t, is_searching) && !self.loss.is_doubted();
         let lesson = learns.then_some(Lesson { deficit: evidence.consistency.frame_deficit });
-        Verdict { confidence, is_searching, is_misled, lesson }
+        Verdict { confidence, is_searching, follows: self.loss.follows(), is_misled, lesson }
     }
 
     /// Resets the discriminant and the colour model to frame 1, and drops the surroundings of the target.

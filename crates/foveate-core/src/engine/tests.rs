@@ -100,16 +100,6 @@ fn evidence_is_per_look_and_lengths_are_in_template_units() {
     assert_eq!(judge(&at).0.spread, 1e6, "a spread is finite");
 }
 
-/// The particles follow the box regression in frames with a small P(lost), outside of a search.
-#[test]
-fn only_a_confident_frame_changes_the_size_of_the_particles() {
-    for (is_searching, p_lost, follows) in [(false, 0.1, true), (false, 0.5, false), (true, 0.1, false)] {
-        let confidence = TrackConfidence { p_lost, ..TrackConfidence::default() };
-        let verdict = Verdict { confidence, is_searching, ..Verdict::default() };
-        assert_eq!(verdict.is_confident(), follows, "searching {is_searching}, P(lost) {p_lost}");
-    }
-}
-
 /// Size and shape stay within 0.25 of the given ones, in either direction.
 #[test]
 fn held_sizes_are_near_the_given_one() {

@@ -6,7 +6,7 @@ use crate::hide::Hide;
 use foveate_base::Result;
 use foveate_base::rows::Rows;
 use foveate_core::Tracker;
-use foveate_core::control::{AGREEMENT, ConfidenceModel, OWN, SecondTrackerWeights};
+use foveate_core::control::{ABSENCE, AGREEMENT, ConfidenceModel, LEAP, OWN, SecondTrackerWeights};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_learn::softmax::{Fit, Softmax};
@@ -68,9 +68,10 @@ pub fn fit_second_opinion(tracks: &[&Judgement], confidence: &ConfidenceModel) -
     if !tracks.iter().flat_map(|t| &t.frames).any(|j| j.cues[AGREEMENT] >= 0.0) {
         return Ok(confidence.clone());
     }
-    let row = |j: &Judged| [confidence.own_logit(&j.cues), j.cues[AGREEMENT]];
-    let ([own, agreement], bias) = logistic(tracks, row, 0.0)?;
-    Ok(ConfidenceModel { second_opinion: SecondTrackerWeights { own, agreement, bias }, ..confidence.clone() })
+    let row = |j: &Judged| [confidence.own_logit(&j.cues), j.cues[AGREEMENT], j.cues[LEAP], j.cues[ABSENCE]];
+    let ([own, agreement, leap, absence], bias) = logistic(tracks, row, 0.0)?;
+    let second_opinion = SecondTrackerWeights { own, agreement, leap, absence, bias };
+    Ok(ConfidenceModel { second_opinion, ..confidence.clone() })
 }
 
 /// Fits weights and bias of the logit of a lost frame, linear in the features from `row`.
@@ -130,14 +131,15 @@ mod tests {
     use crate::eval::catalogue::origin;
     use foveate_core::control::{Cues, Status};
 
-    /// A thousand frames for each logit of the own cues and each overlap, with the number of lost frames that a known model gives.
+    /// A thousand frames for each logit of the own cues, overlap and leap, with the number of lost frames that a known model gives.
     fn tracks(known: &SecondTrackerWeights) -> Vec<Judgement> {
         let mut frames = vec![];
-        for (z, agreement) in (-4..=4).flat_map(|z| [0.0, 0.5, 1.0].map(|agreement| (f64::from(z), agreement))) {
-            let odds = known.own * z + known.agreement * agreement + known.bias;
+        let both = |z: i32| [0.0, 0.5, 1.0].map(|agreement| (f64::from(z), agreement));
+        for ((z, agreement), leap) in (-4..=4).flat_map(both).flat_map(|of| [0.0, 2.0].map(|leap| (of, leap))) {
+            let odds = known.own * z + known.agreement * agreement + known.leap * leap + known.bias;
             let lost = (1000.0 / (1.0 + (-odds).exp())).round() as usize;
             let mut cues = Cues::default();
-            (cues[0], cues[AGREEMENT]) = (z, agreement);
+            (cues[0], cues[AGREEMENT], cues[LEAP]) = (z, agreement, leap);
             frames.extend((0..1000).map(|i| {
                 let (p_lost, iou) = (0.5, if i < lost { 0.0 } else { 1.0 });
                 Judged {
@@ -156,13 +158,14 @@ mod tests {
 
     #[test]
     fn what_a_second_opinion_counts_for_is_found_and_nothing_else_is_touched() {
-        let known = SecondTrackerWeights { own: 0.5, agreement: -3.0, bias: 1.0 };
+        let known = SecondTrackerWeights { own: 0.5, agreement: -3.0, leap: 0.7, absence: 0.0, bias: 1.0 };
         let mut before = ConfidenceModel { bias: 0.0, ..ConfidenceModel::default() };
         before.weights = std::array::from_fn(|k| f64::from(u8::from(k == 0)));
         let mut tracks = tracks(&known);
         let fitted = fit_second_opinion(&tracks.iter().collect::<Vec<_>>(), &before).expect("both kinds of frames");
         let found = fitted.second_opinion;
-        for (found, known) in [(found.own, known.own), (found.agreement, known.agreement), (found.bias, known.bias)] {
+        let all = |it: SecondTrackerWeights| [it.own, it.agreement, it.leap, it.bias];
+        for (found, known) in all(found).into_iter().zip(all(known)) {
             assert!((found - known).abs() < 0.02, "{found} for {known}");
         }
         assert_eq!(ConfidenceModel { second_opinion: before.second_opinion, ..fitted }, before);

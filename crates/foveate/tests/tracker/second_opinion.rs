@@ -3,22 +3,21 @@
 use crate::common::{INIT, frame, natural};
 use foveate::Tracker;
 use foveate::config::Config;
-use foveate::control::{CUE_NAMES, ConfidenceModel, EarlyWeights};
+use foveate::control::{ABSENCE, AGREEMENT, ConfidenceModel, Cues, EarlyWeights, LEAP};
 use foveate::files::Folder;
 use foveate::geometry::BBox;
 
 const FRAMES: usize = 24;
 const SEED: u64 = 5;
 
-/// Boxes, P(lost), and the agreement of the second tracker.
-fn track(mut tracker: Tracker) -> Vec<(BBox, f64, f64)> {
-    let agreement = CUE_NAMES.iter().position(|name| *name == "agreement").expect("it is a cue");
+/// Boxes, P(lost), and its cues.
+fn track(mut tracker: Tracker) -> Vec<(BBox, f64, Cues)> {
     tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
     (1..FRAMES)
         .map(|i| {
             let frame = frame(i, 3);
             let seen = tracker.update(&frame.image).expect("a picture of the first size");
-            (seen.bbox, seen.p_lost, seen.cues[agreement])
+            (seen.bbox, seen.p_lost, seen.cues)
         })
         .collect()
 }
@@ -44,10 +43,11 @@ fn it_says_what_it_would_say_alone() {
     let both = track(tracker(first));
     let alone = track(second.tracker_of(SEED, 1 << 63).expect("parts that fit"));
     let mut smoothed = both[0].0.iou(&alone[0].0);
-    for ((a, _, agreement), (b, _, silent)) in both.iter().zip(&alone) {
+    for ((a, _, cues), (b, _, alone)) in both.iter().zip(&alone) {
         smoothed += 0.2 * (a.iou(b) - smoothed);
+        let (agreement, silent) = (cues[AGREEMENT], alone[AGREEMENT]);
         assert!((smoothed - agreement).abs() < 1e-12, "{a:?} {b:?}: {smoothed} {agreement}");
-        assert_eq!(*silent, -1.0, "without a second opinion there is no agreement");
+        assert_eq!(silent, -1.0, "without a second opinion there is no agreement");
     }
     assert!(smoothed > 0.6, "both are on the target: {smoothed}");
 }
@@ -57,11 +57,12 @@ fn it_says_what_it_would_say_alone() {
 fn it_changes_p_lost_and_nothing_else() {
     let model = pair().confidence.second_opinion;
     let (pair, alone) = (track(tracker(pair())), track(tracker(Config { second_opinion: None, ..pair() })));
-    for ((bbox, p_lost, agreement), (same, own, _)) in pair.iter().zip(&alone) {
+    for ((bbox, p_lost, cues), (same, own, _)) in pair.iter().zip(&alone) {
         assert_eq!(bbox, same);
         let odds = |p: f64| (p / (1.0 - p)).ln();
-        let expected = model.own * odds(*own) + model.agreement * agreement + model.bias;
-        assert!((odds(*p_lost) - expected).abs() < 1e-9, "{p_lost} of {own} and {agreement}");
+        let weighed = model.agreement * cues[AGREEMENT] + model.leap * cues[LEAP] + model.absence * cues[ABSENCE];
+        let expected = model.own * odds(*own) + weighed + model.bias;
+        assert!((odds(*p_lost) - expected).abs() < 1e-9, "{p_lost} of {own} and {cues:?}");
     }
     assert!(pair.iter().zip(&alone).any(|(a, b)| a.1 != b.1));
 }

@@ -8,12 +8,15 @@ use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
 /// Number of cues.
-pub const CUES: usize = OWN + 2;
+pub const CUES: usize = OWN + 3;
 /// Number of those that are the tracker's own, the first.
 pub const OWN: usize = 10;
-/// Positions of the cues of the second tracker and of the box regression.
+/// Position of the cue *agreement*.
 pub const AGREEMENT: usize = OWN;
-const ABSENCE: usize = OWN + 1;
+/// Position of the cue *absence*.
+pub const ABSENCE: usize = OWN + 1;
+/// Position of the cue *leap*.
+pub const LEAP: usize = OWN + 2;
 /// Positions of the cues *margin* and *colour*.
 const MARGIN: usize = 7;
 const COLOUR: usize = 8;
@@ -31,6 +34,7 @@ pub const CUE_NAMES: [&str; CUES] = [
     "elsewhere",
     "agreement",
     "absence",
+    "leap",
 ];
 
 /// The cues of one frame that the target is lost:
@@ -48,7 +52,10 @@ pub const CUE_NAMES: [&str; CUES] = [
 /// *agreement*: the overlap (IoU) with the box of the second opinion, smoothed over about five frames, 0 to 1; −1 without one
 /// (`second_opinion`);
 /// *absence*: log odds by the box regression that the target is not at the estimate, a running mean over its last looks, −6 to 6; −6 without one
-/// (`[confidence] absence`).
+/// (`[confidence] absence`);
+/// *leap*: ln of the farthest that the estimate was from its prediction, relative to the usual distance, each plus 1/20 of half a box, less
+/// 1/2, 0 to 4. A distance counts less the longer ago it was, half after 46 frames; those of a search do not count. A box that leaps may be
+/// on another object, which fits as well as the target did.
 pub type Cues = [f64; CUES];
 
 /// The most that log odds by the box regression count, either way.
@@ -91,7 +98,7 @@ foveate_base::settings! {
         pub localisation: Localisation = Default::default(),
     }
 
-    /// The effect of a second tracker on the reported P(lost): logit P = `own` · logit P° + `agreement` · cue + `bias`,
+    /// The reported P(lost) with a second tracker: logit P = `own` · logit P° + `agreement` · cue + `leap` · cue + `absence` · cue + `bias`,
     /// with P° by the tracker's own cues.
     #[derive(Copy)]
     pub struct SecondTrackerWeights in "confidence.second_opinion" {
@@ -99,6 +106,10 @@ foveate_base::settings! {
         pub own: f64 = 1.0; -1e3 to 1e3,
         /// Weight of the agreement of both boxes, negative.
         pub agreement: f64 = 0.0; -1e3 to 1e3,
+        /// Weight of the cue *leap*, positive.
+        pub leap: f64 = 0.0; -1e3 to 1e3,
+        /// Weight of the cue *absence*, positive.
+        pub absence: f64 = 0.0; -1e3 to 1e3,
         /// Bias of this logit.
         pub bias: f64 = 0.0; -1e3 to 1e3,
     }
@@ -197,7 +208,8 @@ impl ConfidenceModel {
         if agreement < 0.0 {
             return own;
         }
-        logistic(weights.bias - weights.own * tracking_logit(own) + weights.agreement * agreement)
+        let logit = weights.bias - weights.own * tracking_logit(own) + weights.agreement * agreement;
+        logistic(logit + weights.leap * cues[LEAP] + weights.absence * cues[ABSENCE])
     }
 
     /// The count of a frame towards the end or the start of a search; 0 if it is between.

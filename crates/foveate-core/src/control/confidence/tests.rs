@@ -16,6 +16,7 @@ fn shown(evidence: f64, deficit: f64) -> FrameEvidence {
         distance: 0.1 - 0.02 * evidence,
         colour: 0.0,
         elsewhere: 0.0,
+        innovation: 0.0,
         agreement: None,
         absent: None,
         estimate,
@@ -134,7 +135,7 @@ fn what_is_seen_there_decides_whether_it_is_found() {
 #[test]
 fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
     let absence = AbsenceWeights { rate: 0.25, weight: 3.0, bias: 1.0 };
-    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -4.0, bias: 0.0 };
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -4.0, leap: 0.0, absence: 0.0, bias: 0.0 };
     let run = |absence: AbsenceWeights, misses: std::ops::Range<usize>| -> Vec<TrackConfidence> {
         let box_regression = ReacquisitionWeights { weight: 0.5, bias: 0.5 };
         let model = ConfidenceModel { absence, second_opinion, box_regression, leave: 0.05, ..Default::default() };
@@ -154,7 +155,7 @@ fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
     assert!((36..45).contains(&lost), "{lost}");
     let last = many[59];
     assert!(last.p_lost > 0.9 && last.own > 0.9, "whatever the others say: {last:?}");
-    assert!(run(absence, 0..0).iter().all(|c| c.cues[CUES - 1] < -1.0), "it begins with a target that is there");
+    assert!(run(absence, 0..0).iter().all(|c| c.cues[ABSENCE] < -1.0), "it begins with a target that is there");
     let odd = [f64::NAN, f64::INFINITY, -1e300].map(within_odds);
     assert_eq!(odd, [MOST_ODDS, MOST_ODDS, -MOST_ODDS]);
 }
@@ -162,7 +163,7 @@ fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
 /// The own cues indicate a loss. The second opinion changes the reported P(lost) only.
 #[test]
 fn a_loss_is_reported_where_the_second_opinion_agrees() {
-    let second_opinion = SecondTrackerWeights { own: 0.2, agreement: -8.0, bias: 4.0 };
+    let second_opinion = SecondTrackerWeights { own: 0.2, agreement: -8.0, leap: 0.0, absence: 0.0, bias: 4.0 };
     let run = |sees: &dyn Fn(usize) -> bool| -> Vec<(bool, TrackConfidence)> {
         let mut c = LossMonitor::new(ConfidenceModel { second_opinion, ..ConfidenceModel::default() });
         let judge = |t: usize| {
@@ -204,7 +205,7 @@ fn a_frame_that_is_not_judged_goes_on_with_its_p_lost() {
 /// If the second tracker is elsewhere, P(lost) rises by the model. The tracker acts on its own cues alone.
 #[test]
 fn a_second_opinion_is_reported_and_not_acted_on() {
-    let second_opinion = SecondTrackerWeights { own: 0.5, agreement: -4.0, bias: 1.0 };
+    let second_opinion = SecondTrackerWeights { own: 0.5, agreement: -4.0, leap: 0.0, absence: 0.0, bias: 1.0 };
     let model = ConfidenceModel { second_opinion, ..ConfidenceModel::default() };
     let (mut alone, mut pair) = (LossMonitor::new(ConfidenceModel::default()), LossMonitor::new(model));
     for t in 0..80 {
@@ -225,7 +226,7 @@ fn a_second_opinion_is_reported_and_not_acted_on() {
 fn a_loss_in_the_first_frames_is_reported_where_the_second_opinion_agrees() {
     let early = EarlyWeights { frames: 5, change: 6.0, absence: 1.0, bias: 3.0 };
     let absence = AbsenceWeights { rate: 1.0, weight: 1.0, bias: -9.0 };
-    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -6.0, bias: 0.0 };
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -6.0, leap: 0.0, absence: 0.0, bias: 0.0 };
     let model = ConfidenceModel { early, absence, second_opinion, ..ConfidenceModel::default() };
     let frame = |colour: f64, margin: f64| {
         let distractor = Some(-7.0 - 10.0 * margin);
@@ -265,15 +266,18 @@ fn a_saved_monitor_continues() {
     let mut other = LossMonitor::new(ConfidenceModel::default());
     other.state = SavedState::new(&c.state).state("confidence", &()).expect("it was saved");
     assert!(frames[25..].iter().all(|f| c.judge(f) == other.judge(f)));
-    let damaged = LossState { p_lost: 1.5, ..c.state };
+    let damaged = LossState { p_lost: 1.5, ..c.state.clone() };
     assert!(damaged.validate(&()).expect_err("no probability").contains("1.5"));
+    for damaged in [LossState { innovation: -0.5, ..c.state.clone() }, LossState { leap: -0.5, ..c.state }] {
+        assert!(damaged.validate(&()).expect_err("no distance").contains("-0.5"));
+    }
 }
 
 /// An alarm is a lower bound of P(lost), own and reported, whatever the cues, the second tracker and the box regression indicate. A search
 /// begins under an alarm and does not end under one.
 #[test]
 fn an_alarm_is_a_lower_bound_of_p_lost() {
-    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -8.0, bias: 0.0 };
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -8.0, leap: 0.0, absence: 0.0, bias: 0.0 };
     let absence = AbsenceWeights { rate: 1.0, weight: 1.0, bias: 0.0 };
     for model in [
         ConfidenceModel::default(),
@@ -305,13 +309,13 @@ fn the_running_mean_of_absence_starts_anew() {
     assert!(c.is_searching());
     let mut there = FrameEvidence { absent: Some(-4.0), ..shown(-3.0, 0.0) };
     there.estimate.x += 2.0 * there.unit;
-    assert_eq!(c.judge(&there).cues[CUES - 1], -4.0);
+    assert_eq!(c.judge(&there).cues[ABSENCE], -4.0);
     let found = std::iter::repeat_with(|| {
         c.judge(&FrameEvidence { absent: Some(-4.0), ..there });
         c.is_searching()
     });
     assert!(found.take(20).any(|searching| !searching));
-    assert_eq!(c.judge(&FrameEvidence { absent: None, ..there }).cues[CUES - 1], PRESENT);
+    assert_eq!(c.judge(&FrameEvidence { absent: None, ..there }).cues[ABSENCE], PRESENT);
 }
 
 /// The usual values survive a restart, which is at the same target, and nothing else does. A new template resets them.
@@ -326,9 +330,10 @@ fn a_restart_keeps_the_usual_values() {
         let mut c = c.clone();
         reset(&mut c);
         let cues = c.judge(&shown(-6.0, 0.0)).cues;
-        (cues[2] > 0.5, cues[CUES - 1] > -3.0)
+        (cues[2] > 0.5, cues[ABSENCE] > -3.0)
     };
-    let usual = |c: &LossMonitor| (c.state.evidence, c.state.deviation, c.state.distance, c.state.frames);
+    let usual =
+        |c: &LossMonitor| (c.state.evidence, c.state.deviation, c.state.distance, c.state.innovation, c.state.frames);
     let (mut restarted, given) = (c.clone(), State { x: 70.0, ..State::default() });
     restarted.restart(&given);
     assert_eq!(usual(&restarted), usual(&c));
@@ -336,6 +341,61 @@ fn a_restart_keeps_the_usual_values() {
     assert_eq!(after(|_| ()), (true, true));
     assert_eq!(after(|c| c.restart(&State::default())), (true, false));
     assert_eq!(after(LossMonitor::forget_usual), (false, false));
+}
+
+/// The particles follow the box regression unless the own P(lost) or the bound of the first frames is large, or there is a search. What the
+/// second tracker and a leap say does not count.
+#[test]
+fn only_the_own_p_lost_decides_what_the_particles_follow() {
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: 0.0, leap: 9.0, absence: 0.0, bias: 9.0 };
+    let early = EarlyWeights { frames: 3, change: 8.0, absence: 0.0, bias: -4.0 };
+    let mut c = LossMonitor::new(ConfidenceModel { second_opinion, early, ..ConfidenceModel::default() });
+    let mut follows = |frame: FrameEvidence| {
+        let p_lost = c.judge(&FrameEvidence { agreement: Some(1.0), distractor: Some(frame.evidence), ..frame }).p_lost;
+        (c.follows(), c.is_searching(), p_lost > 0.9)
+    };
+    assert_eq!(follows(FrameEvidence { colour: 1.0, ..shown(-3.0, 0.0) }), (false, false, true), "the first frame");
+    (0..30).for_each(|_| _ = follows(shown(-3.0, 0.0)));
+    assert_eq!(follows(FrameEvidence { colour: 1.0, ..shown(-3.0, 0.0) }), (true, false, true));
+    assert_eq!(follows(shown(-12.0, 1.0)), (false, false, true), "the own P(lost)");
+    (0..5).for_each(|_| _ = follows(shown(-12.0, 1.0)));
+    assert_eq!(follows(shown(-3.0, 0.0)), (false, true, true), "a search");
+}
+
+/// A leap of the box raises the reported P(lost) of the frames after it, less and less, and the more unusual it is; the own P(lost) is that
+/// without it. What the estimate does during a search is no leap.
+#[test]
+fn a_leap_is_remembered() {
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -4.0, leap: 1.0, absence: 0.0, bias: 0.0 };
+    let run = |usual: f64, leap: f64| {
+        let mut c = LossMonitor::new(ConfidenceModel { second_opinion, ..ConfidenceModel::default() });
+        let mut judge = |innovation| c.judge(&FrameEvidence { innovation, agreement: Some(1.0), ..shown(-3.0, 0.0) });
+        (0..30).for_each(|_| _ = judge(usual));
+        let first = judge(leap);
+        (0..45).for_each(|_| _ = judge(usual));
+        (first, judge(usual))
+    };
+    let logit = |p: f64| (p / (1.0 - p)).ln();
+    let (none, _) = run(0.1, 0.1);
+    let (first, later) = run(0.1, 2.0);
+    assert!(
+        (first.cues[LEAP] - (2.05f64 / 0.15).ln() + 0.5).abs() < 1e-9 && none.cues[LEAP] < 1e-9,
+        "{first:?} {none:?}"
+    );
+    assert!((logit(first.p_lost) - logit(none.p_lost) - first.cues[LEAP]).abs() < 1e-9 && first.own == none.own);
+    // Half after 46 frames.
+    let kept = 2.0 * KEPT.powi(46);
+    assert!(
+        (0.99..1.01).contains(&kept) && (later.cues[LEAP] - ((kept + 0.05) / 0.15f64).ln() + 0.5).abs() < 0.03,
+        "{later:?}"
+    );
+    assert!(run(1.0, 2.0).0.cues[LEAP] < 0.2, "it often leaps");
+    let mut lost = LossMonitor::new(ConfidenceModel::default());
+    let judge = |c: &mut LossMonitor, t: usize| {
+        let (fit, deficit) = if t < 30 { (-3.0, 0.0) } else { (-12.0, 1.0) };
+        c.judge(&FrameEvidence { innovation: if t < 40 { 0.1 } else { 9.0 }, ..shown(fit, deficit) }).cues[LEAP]
+    };
+    assert!((0..60).all(|t| judge(&mut lost, t) < 1e-9) && lost.is_searching());
 }
 
 /// The tracker was misled if only the box regression reports the loss. The first frames are usual, however they fit.
