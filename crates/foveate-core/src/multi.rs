@@ -32,7 +32,7 @@ pub use settings::Settings;
 
 use crate::engine::Claim;
 use crate::ensemble::Ensemble;
-use crate::geometry::{BBox, Size, State};
+use crate::geometry::{BBox, Size};
 use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor};
 use crate::seen::Seen;
@@ -317,7 +317,7 @@ impl MultiTracker {
         let weak = |d: &Detection| ranks.of(d.score).unwrap_or(unknown) < s.weak;
         let mut given = pairs::in_stages(expected, left, &weak, s, &mut |i, j| {
             let target = active.get_mut(i).filter(|target| target.looked_at && !pool.stops())?;
-            let state = State { log_aspect: 0.0, ..target.ensemble.first().state_at(&left[j].bbox) };
+            let state = target.ensemble.first().state_at(&left[j].bbox);
             Some(target.with_buffers(pool, |target| target.ensemble.first_mut().similarity(image, &state)))
         });
         given.truncate(self.active.len());

@@ -265,8 +265,7 @@ impl Tracker {
         self.ensemble.reset_at(&bbox);
         self.times.take_dropped();
         let state = self.ensemble.first().state_at(&bbox);
-        let extent = self.last.map_or_else(|| self.extent(), |last| Some(last.extent));
-        if let Some((extent, shape)) = extent.zip(self.last.map(|last| last.shape).or(self.shape)) {
+        if let Some((extent, shape)) = self.extent().zip(self.shape) {
             *self.last = Some(Seen { extent, state, ..Seen::given(shape, &bbox) });
         }
         Ok(())

@@ -3,8 +3,8 @@
 //! Every few frames while the target is lost, places all over the picture are scored, and a share of the predicted
 //! particles is drawn again from the best places. If the picture has more places than the `budget` of a frame, it is
 //! searched in parts, one a search, from the last confident position outwards. Places of other parts that fit are kept
-//! and scored again in every search; those that do not would find look-alikes. It is a proposal (`candidates.rs`), with p/q of a target that may be anywhere in
-//! the picture.
+//! and scored again in every search; those that do not would find look-alikes. It is a proposal (`candidates.rs`),
+//! with p/q of a target that may be anywhere in the picture.
 
 use serde::{Deserialize, Serialize};
 use std::ops::Range;

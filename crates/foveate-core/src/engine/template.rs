@@ -125,10 +125,11 @@ impl Engine {
         State { log_scale, log_aspect: log_aspect.clamp(-MOST_ASPECT, MOST_ASPECT), ..State::of(bbox) }
     }
 
-    /// Returns how similar a place is to the target: 1 for the similarity of its own place in its first frame, 0 for that of other places.
+    /// Returns how similar a place, in the shape of the template, is to the target: 1 for the similarity of its own place in its first frame, 0 for that of other places.
     /// It is the best of nine places around the given one. The track does not change. Panics before [`Engine::init`].
     pub(crate) fn similarity(&mut self, image: &Image, state: &State) -> f64 {
         let extent = self.target().extent;
+        let state = &State { log_aspect: 0.0, ..*state };
         let (unit, shape) = (state.log_scale.exp(), state.shaped(extent));
         let places: [State; 9] = std::array::from_fn(|i| State {
             x: state.x + ABOUT[i % 3] * unit * shape.half_w,

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::target::Target;
 use super::{MOST_ID, MOST_REMEMBERED, MultiTracker, SAME, Work};
-use crate::geometry::{BBox, Size, State};
+use crate::geometry::{BBox, Size};
 use crate::scene::{Detection, Image};
 use crate::seen::Phase;
 use foveate_base::text::counted;
@@ -154,8 +154,7 @@ impl MultiTracker {
         let size = self.settings.size.ln();
         let mut best = (self.settings.reidentification.similarity, None);
         for (i, target) in self.terminated.iter_mut().enumerate() {
-            // In the shape of the template, as all that are compared.
-            let state = State { log_aspect: 0.0, ..target.ensemble.first().state_at(bbox) };
+            let state = target.ensemble.first().state_at(bbox);
             if (state.log_scale - target.track.state.log_scale).abs() > size {
                 continue;
             }
