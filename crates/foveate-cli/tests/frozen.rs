@@ -203,11 +203,12 @@ fn the_page_on_confidence_shows_what_its_command_gives() {
     let shown: Vec<&str> = page.lines().skip_while(|line| !line.starts_with("| --- ")).skip(1).collect();
     let shown: Vec<&str> = shown.into_iter().take_while(|line| line.starts_with('|')).collect();
     assert!(shown.len() >= 5, "{shown:?}");
-    for line in shown {
+    let given = shown.iter().map(|line| {
         let frame: usize = line[1..].split('|').next().and_then(|n| n.trim().parse().ok()).expect("a frame");
         let (row, iou) = (&rows[frame - 1], found[frame - 1].iou(&truth[frame - 1]));
         let [p_lost, status, usable] = at.map(|k| row[k]);
         let p_lost: f64 = p_lost.parse().expect("a number");
-        assert_eq!(format!("| {frame} | {p_lost:.2} | {status} | {usable} | {iou:.2} |"), line);
-    }
+        format!("| {frame} | {p_lost:.2} | {status} | {usable} | {iou:.2} |")
+    });
+    assert_eq!(given.collect::<Vec<_>>(), shown);
 }

@@ -8,9 +8,10 @@
 //! With a box regression both are at least its lower bound ([`AbsenceWeights`]). While the reference is young, the reported one is at least
 //! that of [`EarlyWeights`].
 //!
-//! Deviation: with a second opinion there are two such probabilities. The reported one includes it; the *own* one, on which the tracker acts,
-//! does not, so that a second opinion changes no box. So there are two states as well: [`LossMonitor::is_searching`] follows from the own
-//! P(lost) over several frames (`search.rs`), the reported [`Status`] from the reported P(lost) alone (`status.rs`).
+//! Deviation: with a second opinion there are two such probabilities. The reported one includes it; the *own* one, which starts a search and
+//! decides what is learned, does not. So there are two states as well: [`LossMonitor::is_searching`] follows from the own P(lost) over several
+//! frames (`search.rs`), the reported [`Status`] from the reported P(lost) alone (`status.rs`). While the reported one is large, the particles
+//! do not follow the box regression.
 
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +43,7 @@ pub const LOST: f64 = 0.1;
 pub struct TrackConfidence {
     /// P(lost), 0 to 1.
     pub p_lost: f64,
-    /// The same without the second tracker: by the own cues and the box regression. The tracker acts on this one.
+    /// The same without the second tracker: by the own cues and the box regression. It decides when to search and what to learn.
     pub own: f64,
     /// The reported status. It follows from the series of `p_lost` alone: see [`ConfidenceModel::status`].
     pub status: Status,
@@ -160,7 +161,7 @@ const USUAL: f64 = 0.5;
 const SMALL: f64 = 0.05;
 /// Own P(lost) below which a frame is confident.
 const CONFIDENT: f64 = 0.05;
-/// P(lost) below which the particles follow the box regression.
+/// Reported P(lost) below which the particles follow the box regression.
 const FOLLOWED: f64 = 0.3;
 /// Logit of absence before the box regression has been evaluated: the target was given or found.
 const PRESENT: f64 = -MOST_ODDS;
@@ -346,11 +347,9 @@ impl LossMonitor {
         self.model.by_absence(&self.state.cues) >= self.model.leave
     }
 
-    /// Whether the particles may follow the box regression: outside of a search, while the own P(lost) and the bound of the first frames are
-    /// small.
+    /// Whether the particles may follow the box regression: outside of a search, while the reported P(lost) is small.
     pub(crate) fn follows(&self) -> bool {
-        let early = self.model.by_early(&self.state.cues, self.state.confident);
-        !self.is_searching() && self.state.own.max(early) < FOLLOWED
+        !self.is_searching() && self.state.p_lost < FOLLOWED
     }
 
     /// Whether only the box regression reports a loss. The appearance was then learned from another object.

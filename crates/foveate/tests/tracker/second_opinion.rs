@@ -1,4 +1,4 @@
-//! The second tracker changes the reported P(lost), and no box.
+//! The second tracker changes the reported P(lost), and no box where no box regression is followed.
 
 use crate::common::{INIT, frame, natural};
 use foveate::Tracker;

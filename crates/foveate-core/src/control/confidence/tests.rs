@@ -343,23 +343,28 @@ fn a_restart_keeps_the_usual_values() {
     assert_eq!(after(LossMonitor::forget_usual), (false, false));
 }
 
-/// The particles follow the box regression unless the own P(lost) or the bound of the first frames is large, or there is a search. What the
-/// second tracker and a leap say does not count.
+/// The particles follow the box regression unless the reported P(lost) is large, by the own cues, in the first frames, or by the second
+/// tracker alone; nor do they in a search.
 #[test]
-fn only_the_own_p_lost_decides_what_the_particles_follow() {
-    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: 0.0, leap: 9.0, absence: 0.0, bias: 9.0 };
+fn the_particles_follow_the_box_regression_while_p_lost_is_small() {
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -8.0, leap: 0.0, absence: 0.0, bias: 8.0 };
     let early = EarlyWeights { frames: 3, change: 8.0, absence: 0.0, bias: -4.0 };
     let mut c = LossMonitor::new(ConfidenceModel { second_opinion, early, ..ConfidenceModel::default() });
-    let mut follows = |frame: FrameEvidence| {
-        let p_lost = c.judge(&FrameEvidence { agreement: Some(1.0), distractor: Some(frame.evidence), ..frame }).p_lost;
-        (c.follows(), c.is_searching(), p_lost > 0.9)
+    let mut follows = |agreement, frame: FrameEvidence| {
+        let frame = FrameEvidence { agreement: Some(agreement), distractor: Some(frame.evidence), ..frame };
+        let own = c.judge(&frame).own;
+        (c.follows(), c.is_searching(), own < 0.3)
     };
-    assert_eq!(follows(FrameEvidence { colour: 1.0, ..shown(-3.0, 0.0) }), (false, false, true), "the first frame");
-    (0..30).for_each(|_| _ = follows(shown(-3.0, 0.0)));
-    assert_eq!(follows(FrameEvidence { colour: 1.0, ..shown(-3.0, 0.0) }), (true, false, true));
-    assert_eq!(follows(shown(-12.0, 1.0)), (false, false, true), "the own P(lost)");
-    (0..5).for_each(|_| _ = follows(shown(-12.0, 1.0)));
-    assert_eq!(follows(shown(-3.0, 0.0)), (false, true, true), "a search");
+    let (good, bad) = (shown(-3.0, 0.0), shown(-12.0, 1.0));
+    assert_eq!(follows(1.0, FrameEvidence { colour: 1.0, ..good }), (false, false, true), "the first frame");
+    (0..30).for_each(|_| _ = follows(1.0, good));
+    assert_eq!(follows(1.0, FrameEvidence { colour: 1.0, ..good }), (true, false, true));
+    (0..9).for_each(|_| _ = follows(0.0, good));
+    assert_eq!(follows(0.0, good), (false, false, true), "the second tracker is elsewhere");
+    (0..30).for_each(|_| _ = follows(1.0, good));
+    assert_eq!(follows(1.0, bad), (false, false, false), "the own P(lost)");
+    (0..5).for_each(|_| _ = follows(1.0, bad));
+    assert_eq!(follows(1.0, good), (false, true, true), "a search");
 }
 
 /// A leap of the box raises the reported P(lost) of the frames after it, less and less, and the more unusual it is; the own P(lost) is that
