@@ -84,8 +84,8 @@ impl RunSummary {
         self.initiated = started.len();
         self.reidentified += of(Phase::ReIdentified).count();
         self.most = self.most.max(targets.len());
-        let lost = targets.iter().any(Seen::is_lost);
+        let lost = of(Phase::Lost).count() > 0;
         self.lost += usize::from(lost);
-        self.occluded += usize::from(!lost && targets.iter().any(|target| target.status == Status::Occluded));
+        self.occluded += usize::from(!lost && of(Phase::Occluded).count() > 0);
     }
 }

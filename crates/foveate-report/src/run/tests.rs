@@ -1,7 +1,7 @@
 use super::*;
 use foveate_base::files::Nowhere;
-use foveate_core::Status;
 use foveate_core::config::Config;
+use foveate_core::multi::Phase;
 use foveate_video::{ImageFolder, SourceInfo, save_png};
 
 /// A pipe that must not be read beyond the last frame that has come.
@@ -118,15 +118,15 @@ fn boxes_of_dropped_frames_are_used_in_the_next_one() {
 
 #[test]
 fn frames_with_a_lost_target_of_many_are_counted() {
-    let target = |status| {
+    let target = |phase| {
         let mut seen = Seen::given([96, 64, 1], &BBox::new(1.0, 1.0, 9.0, 9.0));
-        seen.status = status;
+        seen.phase = phase;
         seen
     };
-    let (well, hidden, lost) = (Status::Tracking, Status::Occluded, Status::Lost);
+    let (well, hidden, lost) = (Phase::Tracked, Phase::Occluded, Phase::Lost);
     let mut summary = RunSummary::default();
     for frame in [&[well, well][..], &[well, hidden], &[hidden, lost], &[lost]] {
-        let targets: Vec<_> = frame.iter().map(|status| target(*status)).collect();
+        let targets: Vec<_> = frame.iter().map(|phase| target(*phase)).collect();
         summary.add_all(&targets, &mut HashSet::new());
     }
     assert_eq!((summary.occluded, summary.lost), (1, 2));
