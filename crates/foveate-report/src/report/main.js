@@ -37,14 +37,15 @@ function drawMarks() {
 // Words.
 function write() {
   const steps = series.usable.filter(usable => usable !== null).length, lost = series.usable.filter(usable => usable === 0).length;
+  const followed = viewed ? rows : steps + 1;
   const name = info.source.split(/[\\/]/).filter(Boolean).pop() || info.source;
   byId('source').textContent = name;
   for (const warning of info.warnings) document.querySelector('main').before(element('p', { class: 'message' }, warning));
   const { targets, most, reidentified } = data.tracks;
   byId('verdict').textContent = !viewed && targets !== 1 ? `${counted(targets, 'target')} in ${counted(rows, 'frame')}, at most ${most} at a time, ${reidentified} re-identified.`
     : steps === 0 ? 'One frame: the given box.'
-    : lost === 0 ? `Tracked over ${counted(rows, 'frame')}, never occluded or lost.`
-    : `Tracked over ${counted(rows, 'frame')}, occluded or lost in ${lost} of them, first in frame ${series.frame[lostRuns[0][0]]}.`;
+    : lost === 0 ? `Tracked over ${counted(followed, 'frame')}, never occluded or lost.`
+    : `Tracked over ${counted(followed, 'frame')}, occluded or lost in ${lost} of them, first in frame ${series.frame[lostRuns[0][0]]}.`;
   if (data.classes) byId('verdict').append(` Recognised as ${data.classes[0].name}, with probability ${say(data.classes[0].of[rows - 1], 2)}.`);
   const p = keys.length ? policyAt(keys.length - 1) : [], best = p.indexOf(Math.max(...p));
   if (data.learned && arms.length > 1 && p[best] * arms.length > 2 && keys.some((_, k) => policyAt(k).some(q => q > .01 && q < .99))) byId('verdict').append(` At the end the policy prefers the gaze (${say(arms[best][0], 2)}, ${say(arms[best][1], 2)}) with probability ${p[best].toFixed(2)}.`);

@@ -108,7 +108,6 @@ pub(super) struct Page {
     size: [usize; 2],
     particles: usize,
     seconds: f64,
-    tracked: usize,
     rows: Vec<[f64; COLUMNS.len()]>,
     tracks: Tracks,
     pub shown: usize,
@@ -141,7 +140,6 @@ impl Page {
             size: [1, 1],
             particles: 0,
             seconds: 0.0,
-            tracked: 0,
             rows: vec![],
             tracks: Tracks::default(),
             shown: 0,
@@ -194,7 +192,6 @@ impl Page {
 
     /// Adds the estimate of the only target to the last row. Without views there are no numbers of particles and gazes.
     pub(super) fn tracked(&mut self, seen: &Seen<'_>, arm: Option<usize>) {
-        self.tracked += 1;
         let index = self.rows.len() - 1;
         let c = &seen.covariance;
         let row = &mut self.rows[index];
@@ -286,8 +283,7 @@ impl Page {
         let column = |i: usize| rows(i).iter().map(|row| short(row[i])).collect();
         let series: Map<String, Value> =
             COLUMNS.iter().enumerate().map(|(i, name)| ((*name).into(), Value::Array(column(i)))).collect();
-        let timed = if self.has_one() { self.tracked } else { self.rows.len() };
-        let fps = if self.seconds > 0.0 { short(timed as f64 / self.seconds) } else { Value::Null };
+        let fps = if self.seconds > 0.0 { short(self.rows.len() as f64 / self.seconds) } else { Value::Null };
         let statuses = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired].map(Status::name);
         let baselines: Vec<Value> = self.baselines.iter().map(|baseline| self.columns_of(baseline)).collect();
         let last = self.rows.last().map_or(0, |row| row[0] as usize - 1);
