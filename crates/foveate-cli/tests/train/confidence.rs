@@ -90,5 +90,16 @@ fn unwritable_results_are_refused_at_once() {
     let mut committee = fit(dir.path(), "table.toml");
     committee.args(["--set", "committee=2"]);
     fails(committee, "fit a member: --set committee=1");
+    let mut two = Command::new(env!("CARGO_BIN_EXE_foveate"));
+    two.args(["train", "confidence", "--config", "digits-{other}.toml", "--seqs", ".", "--out", "table.toml"]);
+    two.current_dir(dir.path());
+    for (half, bias) in [("a", "bias = 1.0"), ("b", "bias = 2.0")] {
+        let text = include_str!("../../../foveate-core/configs/digits.toml").replace("bias = 1.521", bias);
+        std::fs::write(dir.path().join(format!("digits-{half}.toml")), text).expect("a writable folder");
+    }
+    fails(two, "[confidence] of the two halves differs");
+    for half in ["a", "b"] {
+        std::fs::remove_file(dir.path().join(format!("digits-{half}.toml"))).expect("it was written");
+    }
     assert_eq!(std::fs::read_dir(dir.path()).expect("a folder").count(), 1, "nothing was made");
 }

@@ -69,14 +69,19 @@ pub(super) fn run(args: &Args) -> Result<()> {
         configure::read(&name, &args.changes.for_half(half))
     };
     let mut halves = Half::BOTH.map(read).into_iter().collect::<Result<Vec<_>>>()?;
-    let config = &halves[0].0;
-    if config.committee > 1 {
+    if halves[0].0.confidence != halves[1].0.confidence {
+        return Err(Error::Invalid(format!(
+            "{}: [confidence] of the two halves differs; the models are fitted to one, so give both the same",
+            args.config
+        )));
+    }
+    if halves.iter().any(|(config, _)| config.committee > 1) {
         return Err(Error::Invalid(format!(
             "{}: a committee's P(lost) is made of its members', and nothing of it is fitted; fit a member: --set committee=1",
             args.config
         )));
     }
-    if args.only_second_opinion && config.second_opinion.is_none() {
+    if args.only_second_opinion && halves.iter().any(|(config, _)| config.second_opinion.is_none()) {
         return Err(Error::Invalid(format!(
             "--only-second-opinion: {} has none; add second_opinion = \"builtin:natural-middle\" to it, or leave the option out",
             args.config
