@@ -16,7 +16,7 @@ pub(super) fn check(sequences: &[Sequence]) -> Result<()> {
     for sequence in sequences {
         let (bbox, source, truth) = (sequence.init()?, open(&sequence.images)?, sequence.truth_file.display());
         check_box(&format!("{truth}: the first box"), &bbox, source.info())?;
-        let (boxes, pictures) = (sequence.truth.len(), source.info().frames.unwrap_or(sequence.truth.len()));
+        let (boxes, pictures) = (sequence.truth.len(), source.info().exact_frames().unwrap_or(sequence.truth.len()));
         let (images, of_boxes, of_pictures) =
             (sequence.images.display(), counted(boxes, "box"), counted(pictures, "picture"));
         if boxes > pictures {
