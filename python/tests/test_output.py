@@ -132,6 +132,10 @@ def test_yolo_boxes_are_inside_of_the_picture(tmp_path: Path, pictures: Any, cap
     numbers = [float(v) for v in (tmp_path / "labels" / "000001.txt").read_text().split()]
     np.testing.assert_allclose(numbers, [0, 10 / 160, 110 / 120, 20 / 160, 20 / 120], atol=1e-6)
     assert any("cut at the picture's borders" in record.getMessage() for record in caplog.records)
+    caplog.clear()
+    inside = foveate.Tracker("fast").init(pictures[0], (50.1, 30.3, 40.7, 41.9))
+    foveate.export([inside], tmp_path / "whole", "yolo", size=(160, 120))
+    assert not any("cut" in record.getMessage() for record in caplog.records)
 
 
 def test_targets_are_exported(tmp_path: Path, pictures: Any) -> None:

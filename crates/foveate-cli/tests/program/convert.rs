@@ -396,6 +396,13 @@ fn damage_is_an_error_that_names_the_file() {
     assert!(place.failure("boxes.txt", "otb", "got10k").contains("absence.label: it labels other boxes"));
     assert_eq!(place.read("absence.label"), "0\n");
     std::fs::create_dir(place.0.path().join("folder")).expect("a folder");
+    for name in ["groundtruth.txt", "old.txt"] {
+        place.write(name, OTB);
+    }
+    assert!(place.run("boxes.txt", "otb", "groundtruth.txt", "got10k", &[]).status.success(), "its own labels");
+    place.write("absence.label", "0\n");
+    let run = place.run("boxes.txt", "otb", "old.txt", "got10k", &[]);
+    assert!(!run.status.success() && place.read("absence.label") == "0\n", "{run:?}");
     let run = place.run("boxes.txt", "otb", "folder", "got10k", &[]);
     assert!(!run.status.success() && place.read("absence.label") == "0\n", "{run:?}");
     for frame in [-1, i64::MIN] {

@@ -84,7 +84,9 @@ pub(super) fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()
             // The GOT-10k toolkit reads only numbers; absence.label marks the frames without a target.
             let labels: String = truth.iter().map(|b| if b.is_some() { "0\n" } else { "1\n" }).collect();
             let beside = path.with_file_name(annotation::ABSENCE);
-            if beside.exists() && !path.exists() {
+            // GOT-10k has one sequence in a folder, in this file.
+            let usual = path.with_file_name("groundtruth.txt");
+            if beside.exists() && (!path.exists() || (usual.exists() && path != usual)) {
                 return Err(Error::malformed(beside, "it labels other boxes in this folder; write to another folder"));
             }
             let filled: Vec<BBox> =

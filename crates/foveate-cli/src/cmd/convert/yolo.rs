@@ -29,7 +29,8 @@ pub fn write(mut boxes: Boxes, size: Size, folder: &Path) -> Result<Vec<String>>
             outside += 1;
             continue;
         }
-        cut += usize::from((w, h) != (b.bbox.w, b.bbox.h));
+        let is_cut = left > b.bbox.x || top > b.bbox.y || right < b.bbox.x + b.bbox.w || bottom < b.bbox.y + b.bbox.h;
+        cut += usize::from(is_cut);
         let numbers = [(left + right) / 2.0 / width, (top + bottom) / 2.0 / height, w / width, h / height];
         let [x, y, w, h] = numbers;
         let _ = writeln!(texts[b.frame], "0 {x:.6} {y:.6} {w:.6} {h:.6}");
