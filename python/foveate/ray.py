@@ -79,7 +79,8 @@ def track(video: str, out: str, options: Sequence[str], folder: str = ".") -> st
             _places.upload(here, out)
         summary = json.loads(printed)
         outputs = [output.replace(here, out, 1) for output in summary["outputs"]]
-        _places.write(f"{out}.json", json.dumps({**summary, "source": video, "outputs": outputs}, indent=2) + "\n")
+        made = {**summary, "source": video, "options": list(options), "outputs": outputs}
+        _places.write(f"{out}.json", json.dumps(made, indent=2) + "\n")
     return ""
 
 
@@ -94,6 +95,8 @@ def videos(patterns: Sequence[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for path in sorted({path for pattern in patterns for path in _places.matching(pattern)}):
         name = Path(path).name if os.path.isdir(path) else Path(path).stem
+        if name in ("index.html", "failures.txt"):
+            raise SystemExit(f"{path}: {name} in the folder for results is a list of all videos; rename the video")
         if name in found:
             raise SystemExit(f"{path}: its results would be in {name}, as those of {found[name]}; rename one")
         found[name] = path
@@ -167,14 +170,25 @@ def page(summaries: Mapping[str, Mapping[str, Any]], failures: Mapping[str, str]
     return document(f"{counted(len(rows), 'video')}, the worst first", "", "", f'<section class="card">{table}</section>\n')
 
 
+def finished(root: str, found: Mapping[str, str], options: Sequence[str]) -> set[str]:
+    """The videos that have a summary, which must be of the same video with the same options."""
+    names = sorted(found.keys() & set(_places.names(root, ".json")))
+    for name, text in zip(names, _places.texts(root, [f"{name}.json" for name in names]), strict=True):
+        made = json.loads(text)
+        for what, now in (("source", found[name]), ("options", list(options))):
+            if made.get(what) != now:
+                raise SystemExit(f"{root}/{name}.json: its {what} was {made.get(what)}, now {now}; give another --out")
+    return set(names)
+
+
 def run(found: Mapping[str, str], out: str, options: Sequence[str], retries: int, workers: int | None) -> int:
     """Tracks through all videos that have no summary yet; answers how many failed."""
     root = _places.absolute(out)
-    finished = _places.names(root, ".json")
+    before = finished(root, found, options)
     ray = started(workers)
     if not _places.is_address(out):
         os.makedirs(root, exist_ok=True)
-    left = {name: video for name, video in found.items() if name not in finished}
+    left = {name: video for name, video in found.items() if name not in before}
     print(f"{counted(len(found), 'video')}, {len(found) - len(left)} finished before", file=sys.stderr)
     began, folder = time.monotonic(), os.getcwd()
     # Videos by the paths that were given: the results name them so, as those of one `foveate track`.

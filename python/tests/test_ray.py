@@ -220,6 +220,18 @@ def test_without_ray_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest
     assert not (tmp_path / "runs").exists()
 
 
+def test_finished_videos_are_those_of_the_same_command(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text(json.dumps({"source": "day1/a.mp4", "options": ["--until", "10"]}))
+    found = {"a": "day1/a.mp4", "b": "day1/b.mp4"}
+    assert foveate.ray.finished(str(tmp_path), found, ["--until", "10"]) == {"a"}
+    for other, options in (({"a": "day2/a.mp4"}, ["--until", "10"]), (found, [])):
+        with pytest.raises(SystemExit, match=r"a\.json: its (source|options) was .* give another --out"):
+            foveate.ray.finished(str(tmp_path), other, options)
+    (tmp_path / "index.html.mp4").touch()
+    with pytest.raises(SystemExit, match="rename the video"):
+        foveate.ray.videos([str(tmp_path / "index.html.mp4")])
+
+
 @pytest.mark.parametrize("command", [["--videos", "a.mp4"], ["eval"]])
 @pytest.mark.parametrize(("option", "least"), [("--workers", 1), ("--retries", 0)])
 def test_impossible_numbers_are_refused(
