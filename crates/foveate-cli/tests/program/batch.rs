@@ -142,6 +142,7 @@ fn what_means_one_video_is_refused() {
     assert!(place.failure(&["videos/a", "videos/b", "--reinit", "3:1,1,20,20"]).contains("--reinit is for one video"));
     assert!(place.failure(&["videos/a", "video/../videos/a"]).contains("rename one"));
     assert!(place.failure(&["videos/a", "-"]).contains("track it alone"));
+    assert!(place.failure(&["videos/a", "index.html.mp4"]).contains("is a list of all videos; rename the video"));
 }
 
 #[test]

@@ -194,6 +194,8 @@ fn mistakes_have_clear_errors() {
         (&["alone", "--init", "motion"], &["alone", "needs two frames"]),
         (&["video", "--detections", "late.txt"], &["late.txt", "none of its 1 boxes counts"]),
         (&["video", "--detections", "no.txt"], &["no.txt"]),
+        (&["video", "--detect", "--load-state", "s.json"], &["--load-state is for one target", "leave --detect"]),
+        (&["-", "--detect", "--save-detections", "d.txt"], &["for videos with an end"]),
     ] {
         let error = place.failure(args);
         for word in words {
@@ -294,6 +296,10 @@ fn a_detector_runs_once() {
     std::fs::write(place.path("d.txt"), "1,-1,9,9,20,20,1\n").expect("a writable folder");
     let (name, _) = message(&[&["--detections", "d.txt"][..], &detector].concat());
     assert_eq!(name, "d.txt, in the place of the configuration's motion");
+    // A box that comes after the last frame is no reason to stop.
+    std::fs::write(place.path("last.txt"), "10,1,9,9,20,20,1\n").expect("a writable folder");
+    let (name, _) = message(&[&["--inits", "last.txt", "--until", "8"][..], &detector].concat());
+    assert_eq!(name, "motion, the configuration's");
 }
 
 #[test]

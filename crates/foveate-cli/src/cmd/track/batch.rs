@@ -21,6 +21,10 @@ use crate::terminal;
 
 /// Records the state of every video, for a second call and for programs.
 const LIST: &str = "runs.json";
+/// Shows all videos.
+const PAGE: &str = "index.html";
+/// Lists the errors of those that failed.
+const FAILURES: &str = "failures.txt";
 
 #[derive(Serialize, Deserialize)]
 struct Runs {
@@ -103,9 +107,9 @@ pub(super) fn run(mut args: Args) -> Result<()> {
     let failed = videos.keys().filter(|name| runs.runs.get(*name).is_some_and(|run| run.error.is_some())).count();
     let (all, tracked) = (counted(total, "video"), total - finished - failed);
     say!("{all}: {finished} finished before, {tracked} tracked now, {failed} failed.");
-    say!("{}: index.html, {LIST}{}", root.display(), if failed > 0 { ", failures.txt" } else { "" });
+    say!("{}: {PAGE}, {LIST}{}", root.display(), if failed > 0 { format!(", {FAILURES}") } else { String::new() });
     if failed > 0 {
-        let list = root.join("failures.txt");
+        let list = root.join(FAILURES);
         return Err(Error::Invalid(format!(
             "{failed} of {all} failed: see {}; the same command tries them again",
             list.display()
@@ -141,6 +145,10 @@ fn named(sources: &[PathBuf]) -> Result<BTreeMap<String, &PathBuf>> {
         let name = name.unwrap_or_default().to_string_lossy().into_owned();
         if name.is_empty() || super::source::is_endless(source) {
             return Err(Error::malformed(source, "expected video files or folders of images; track it alone"));
+        }
+        if [LIST, PAGE, FAILURES].contains(&name.as_str()) {
+            let problem = format!("{name} in the folder for results is a list of all videos; rename the video");
+            return Err(Error::malformed(source, problem));
         }
         if let Some(other) = named.insert(name.clone(), source) {
             let problem = format!("its results would be in {name}, as those of {}; rename one", other.display());
@@ -232,8 +240,8 @@ impl Runs {
 
     fn write(&self, root: &Path) -> Result<()> {
         files::write_inside(root.join(LIST), self.text()?.as_bytes())?;
-        files::write_inside(root.join("index.html"), self.page(root).as_bytes())?;
-        let failures = root.join("failures.txt");
+        files::write_inside(root.join(PAGE), self.page(root).as_bytes())?;
+        let failures = root.join(FAILURES);
         let failed = self.runs.values().filter_map(|run| Some((&run.source, run.error.as_ref()?)));
         let lines: String =
             failed.map(|(source, error)| format!("{}\t{}\n", visible(source), visible(error))).collect();

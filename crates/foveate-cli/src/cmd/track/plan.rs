@@ -98,7 +98,7 @@ impl<'a> Plan<'a> {
             Subject::One(tracker) => begin((args, source), (tracker, saved), selection, &about)?,
             Subject::Many(tracker, detections, detector) => {
                 let frames = Frames::new(0, "the video begins", args.until, &about)?;
-                let given = given(args, source, &about)?;
+                let given = given(args, source, &about, matches!(detector, DetectionSource::Nothing))?;
                 check_memory(tracker, &given, &about)?;
                 given.iter().filter_map(|given| given.id).for_each(|id| tracker.reserve(id));
                 let still = detector.needs_still_camera();
@@ -258,15 +258,17 @@ fn check_reads_tiles(blueprint: &Blueprint, source: &Path, config_name: &str, ma
 
 /// Refuses the options of one target.
 fn refuse(args: &Args, source: &Path) -> Result<()> {
+    if args.load_state.is_some() {
+        let problem = "--load-state is for one target, which it has; leave --detect, --detections and --inits out";
+        return Err(Error::Invalid(problem.into()));
+    }
     for (given, name) in [
         (!args.reinit.is_empty(), "--reinit"),
-        (args.load_state.is_some(), "--load-state"),
         (args.save_state.is_some(), "--save-state"),
         (args.regret, "--regret"),
         (args.trace, "--trace"),
         (args.profile.is_some(), "--profile"),
         (Selection { scale: 1.0, ..args.input.selection() } != Selection::default(), "--from or --every"),
-        (args.many.save_detections.is_some() && is_endless(source), "--save-detections, of a source without an end,"),
     ] {
         if given {
             return Err(Error::Invalid(format!(
@@ -274,11 +276,15 @@ fn refuse(args: &Args, source: &Path) -> Result<()> {
             )));
         }
     }
+    if args.many.save_detections.is_some() && is_endless(source) {
+        return Err(Error::Invalid("--save-detections is for videos with an end; leave it out".into()));
+    }
     Ok(())
 }
 
-/// Returns the given boxes of many targets: those of --init in frame 1, and those of --inits. All must touch the picture.
-fn given(args: &Args, source: &Path, about: &SourceInfo) -> Result<Vec<Given>> {
+/// Returns the given boxes of many targets: those of --init in frame 1, and those of --inits. All must touch the picture. There must be some
+/// if they are `alone`, without detections.
+fn given(args: &Args, source: &Path, about: &SourceInfo, alone: bool) -> Result<Vec<Given>> {
     let mut given = vec![];
     for (i, init) in args.init.iter().enumerate() {
         let bbox = first_box(source, Some(*init), &args.input)?;
@@ -306,7 +312,7 @@ fn given(args: &Args, source: &Path, about: &SourceInfo) -> Result<Vec<Given>> {
         let problem = format!("frame {frame}: two boxes of target {id}; give one, or other ids");
         return Err(Error::malformed(path, problem));
     }
-    if args.many.detect.is_none() && args.many.detections.is_none() {
+    if alone {
         if given.is_empty() {
             return Err(Error::malformed(path, "it has no box; give lines frame,id,x,y,w,h"));
         }
