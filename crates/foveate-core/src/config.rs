@@ -186,6 +186,12 @@ impl Config {
                     .into(),
             ));
         }
+        if self.colour.is_some() && self.likelihood.background_discount > 0.0 {
+            return Err(Error::Config(
+                "likelihood.background_discount: it changes the colours that [colour] compares; leave one of them out"
+                    .into(),
+            ));
+        }
         for (section, given) in [
             ("discriminant", self.discriminant.is_some()),
             ("colour", self.colour.is_some()),

@@ -11,7 +11,7 @@ impl Blueprint {
     /// named by the seed and i.
     ///
     /// # Errors
-    /// [`Error::Config`] where it has `[sensor]`, which serves one target, or a policy that settles beside the centre.
+    /// [`Error::Config`] where it has `[sensor]`, which serves one target, a committee, or a policy that settles beside the centre.
     pub fn multi_tracker(&self, seed: u64) -> Result<MultiTracker> {
         if self.config.sensor.is_some() {
             return Err(Error::Config("sensor: it serves one target; leave it out to follow many".into()));
@@ -22,6 +22,9 @@ impl Blueprint {
                  set policy.kind = \"fixed\" with u and v 0, or another kind than explore-then-commit"
                     .into(),
             ));
+        }
+        if self.config.committee > 1 {
+            return Err(Error::Config("committee: it follows one target; leave it out to follow many".into()));
         }
         self.parts()?;
         let blueprint = self.clone();

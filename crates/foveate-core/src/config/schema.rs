@@ -233,10 +233,11 @@ impl LikelihoodConfig {
         match (self.sharpness, self.calibrate) {
             (Some(sharpness), None) if sharpness.is_finite() && sharpness > 0.0 => Ok(Sharpness::Fixed(sharpness)),
             (None, Some(rule)) => Ok(Sharpness::Calibrated(rule)),
-            (given, _) => Err(Error::Config(format!(
-                "likelihood needs either sharpness, a number above 0 (nats per unit of distance; it is {given:?}), or calibrate = \
-                 {{ nats = 12, least = 10, most = 200 }}"
-            ))),
+            _ => Err(Error::Config(
+                "likelihood needs either sharpness, a number above 0 (nats per unit of distance), or calibrate = \
+                 { nats = 12, least = 10, most = 200 }"
+                    .into(),
+            )),
         }
     }
 }

@@ -55,6 +55,13 @@ fn change(mut whole: Node, setting: &str) -> Result<Node> {
         section.remove(at.ok_or_else(|| wrong("there is none to leave out"))?);
     } else {
         *entry(section, last, || Value::Null) = value;
+        // One of two.
+        let other = match key {
+            "likelihood.sharpness" => "calibrate",
+            "likelihood.calibrate" => "sharpness",
+            _ => return Ok(whole),
+        };
+        section.retain(|entry| entry.key != other);
     }
     Ok(whole)
 }
@@ -99,6 +106,10 @@ mod tests {
         let found = without.set("distractors=none").expect("it may be left out");
         assert_eq!(Config { distractors: without.distractors.clone(), ..found.clone() }, without);
         assert!(found.distractors.is_none());
+        let calibrated = natural.set("likelihood.calibrate={nats = 12, least = 1, most = 1000}").expect("one of two");
+        assert!(calibrated.likelihood.sharpness.is_none());
+        let fixed = calibrated.set("likelihood.sharpness=20").expect("one of two");
+        assert!(fixed.likelihood.calibrate.is_none() && fixed.likelihood.sharpness == Some(20.0));
         for (wrong, said) in [
             ("particles", "key=value"),
             ("particles=0", "particles"),
