@@ -30,11 +30,15 @@ impl Default for Times {
 
 impl Times {
     /// Takes the time of the next picture, seconds, and counts the frames that were dropped before it: the interval in units of the usual
-    /// one, in whole numbers, less 1. A time that is not finite or does not increase starts a new series.
+    /// one, in whole numbers, less 1. A time that is not finite or does not increase starts a new series; one that goes back is of another video,
+    /// whose usual interval is not known.
     pub(crate) fn advance(&mut self, time: f64) {
         let interval = self.last.map_or(f64::NAN, |last| time - last);
         self.last = time.is_finite().then_some(time);
         self.dropped = 0;
+        if interval < 0.0 {
+            self.intervals.clear();
+        }
         if !(interval > 0.0 && interval.is_finite()) {
             return;
         }
@@ -104,5 +108,8 @@ mod tests {
         let early = (0..9).map(f64::from);
         let odd = [3.0, 4.0, f64::NAN, 90.0, 91.0, f64::INFINITY, 95.0];
         assert!(dropped(early.chain(odd)).iter().all(|n| *n == 0));
+        // Another video, four times as slow.
+        let slower = (0..40).map(|t| f64::from(t) / 7.5);
+        assert!(dropped((0..40).map(|t| f64::from(t) / 30.0).chain(slower)).iter().all(|n| *n == 0));
     }
 }
