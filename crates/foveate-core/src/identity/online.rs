@@ -113,7 +113,8 @@ impl Training {
         let mut rbm = begin(self.settings, &self.pretrained, seed);
         rbm.resume(steps, particles)?;
         (self.seed, self.rbm) = (seed, rbm);
-        Ok(self.encoder())
+        // As `reset`: the mean of equal machines is rounded.
+        Ok(if steps == 0 { Arc::new(self.pretrained.clone()) } else { self.encoder() })
     }
 }
 
