@@ -123,8 +123,7 @@ impl Target {
         let (next, waited) = (self.next(), std::mem::take(&mut self.track.waited));
         let detections = self.track.detection.as_slice();
         let step = self.ensemble.step_on(Scene { image, detections });
-        let (estimate, covariance, deficit, class) =
-            (step.state, step.covariance, step.consistency.deficit, step.class);
+        let (estimate, covariance, consistency, class) = (step.state, step.covariance, step.consistency, step.class);
         let (gaze, bbox, p_lost, own_p_lost, cues) = (step.gaze, step.bbox, step.p_lost, step.own_p_lost, step.cues);
         let lost = self.ensemble.first().is_searching() && detections.is_empty();
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
@@ -143,9 +142,8 @@ impl Target {
         let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / longer_half(&estimate, extent);
         let moved = moved / (1 + waited) as f64;
         self.surprise += NEWEST * (moved - self.surprise);
-        self.track = Seen { p_lost, own_p_lost, cues, state: estimate, covariance, extent, gaze, class, ..self.track }
-            .in_phase(phase);
-        self.track.consistency.deficit = deficit;
+        let track = Seen { p_lost, own_p_lost, cues, state: estimate, covariance, extent, gaze, class, ..self.track };
+        self.track = Seen { consistency, ..track }.in_phase(phase);
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
             self.shape += s.shape * (shape(&b, &estimate, extent) - self.shape);
         }
@@ -156,7 +154,7 @@ impl Target {
                 self.track.bbox = b;
                 (self.track.state.x, self.track.state.y) = b.centre();
             }
-            if comes_in || (deficit > s.renew && self.track.visible >= 1.0) {
+            if comes_in || (consistency.deficit > s.renew && self.track.visible >= 1.0) {
                 self.update_template(image);
             }
         }
