@@ -72,7 +72,7 @@ pub struct FrameEvidence {
     /// How much more it resembles the surroundings of the target in remembered frames than the target; 0 without
     /// memory.
     pub elsewhere: f64,
-    /// Distance of the estimate from its prediction, half boxes.
+    /// Distance of the estimate from its prediction, half boxes, for each frame since the last one.
     pub innovation: f64,
     /// Overlap (IoU) with the box of the second tracker; `None` without one.
     pub agreement: Option<f64>,
@@ -91,7 +91,7 @@ pub struct FrameEvidence {
 /// The result of a search of the whole picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SearchResult {
-    /// The place that fits best; `None` if nothing was found.
+    /// The place that fits best; `None` if the estimate fits as well.
     pub best: Option<State>,
 }
 
@@ -118,7 +118,7 @@ pub(crate) struct LossState {
     /// The last estimate, and the last confident position.
     estimate: State,
     seen: State,
-    /// What fitted best in the part of the picture that was searched last, and in others if it fits.
+    /// What fitted better than the estimate in the last search.
     best_place: Option<State>,
     /// Nothing is smoothed yet.
     is_new: bool,
@@ -300,7 +300,7 @@ impl LossMonitor {
         m.leap = innovation.max(KEPT * m.leap);
         let ratio = if m.frames > 0 { (m.leap + SMALL) / (m.innovation + SMALL) } else { 1.0 };
         let leap = (ratio.ln() - USUAL).clamp(0.0, 4.0);
-        let absence = if self.model.absence.counts() { m.absence } else { PRESENT };
+        let absence = if self.model.counts_absence() { m.absence } else { PRESENT };
         let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
         let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
         let margin = s.distractor.map_or(0.0, |distractor| (s.evidence - distractor) / gap);
@@ -358,7 +358,7 @@ impl LossMonitor {
         model.by_absence(cues) > model.enter && model.own(cues) <= model.enter
     }
 
-    /// Takes the best fit in the whole picture, if there was a search: it does not end at another place.
+    /// Takes the place that fits better, if there was a search: it does not end at another place.
     fn searched(&mut self, search: Option<SearchResult>) {
         if let Some(search) = search {
             self.state.best_place = search.best;

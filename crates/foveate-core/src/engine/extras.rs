@@ -39,7 +39,7 @@ impl Extras {
         model: &ConfidenceModel,
         lost: bool,
     ) -> Option<Answer> {
-        let (returns, absence) = (model.box_regression.weight != 0.0, model.absence.counts());
+        let (returns, absence) = (model.box_regression.weight != 0.0, model.counts_absence());
         let counts = |it: &&mut BoxRegression| if lost { returns || absence } else { absence && it.is_due() };
         let boxes = self.box_regression.as_mut().filter(counts)?;
         Some(boxes.answer(view.scene.image, &estimate.mean, view.target.extent))

@@ -174,7 +174,8 @@ impl Filter {
             .for_each(|(importance, carried)| *importance += carried);
         let weigh = |it: &DetectionLikelihood| it.weigh(scene.detections, &to.states, extent, &mut to.log_importance);
         to.detection_offset = self.detection_likelihood.as_ref().map_or(0.0, weigh);
-        to.expected = mean(&to.states);
+        to.expected = mean(&to.states, &self.state.log_weights);
+        to.dropped = dropped;
         if let Some(held) = held.filter(|_| !self.uses_detections()) {
             to.hold_size(held);
         }

@@ -149,7 +149,7 @@ impl Monitor {
             distance: percept.distance,
             colour: percept.colour,
             elsewhere,
-            innovation: (away.0 / w).hypot(away.1 / h),
+            innovation: (away.0 / w).hypot(away.1 / h) / (1 + belief.dropped) as f64,
             agreement,
             absent,
             estimate: estimate.mean,
@@ -177,7 +177,7 @@ impl Monitor {
         let is_misled = is_searching && !was_lost && self.loss.is_misled();
         let learns = is_judged && self.consistency.learns(t, is_searching) && !self.loss.is_doubted();
         let lesson = learns.then_some(Lesson { deficit: evidence.consistency.frame_deficit });
-        Verdict { confidence, is_searching, follows: self.loss.follows(), is_misled, lesson }
+        Verdict { confidence, is_searching, follows: is_judged && self.loss.follows(), is_misled, lesson }
     }
 
     /// Resets the discriminant and the colour model to frame 1, and drops the surroundings of the target.
@@ -310,7 +310,8 @@ mod tests {
         let before = monitor.judge(true, &good, (false, 1)).confidence.own;
         let bad = with_deficit(&mut monitor, 1.0);
         let held = monitor.judge(false, &bad, (false, 2));
-        assert_eq!((held.confidence.own, held.lesson), (before, None));
+        assert_eq!((held.confidence.own, held.lesson, held.follows), (before, None, false));
+        assert!(monitor.loss.follows(), "only because it is not judged");
         assert!(monitor.judge(true, &bad, (false, 3)).confidence.own > before);
         for (fraction, searches) in [(1.0, true), (0.3, false)] {
             let found =

@@ -15,6 +15,8 @@ pub(super) struct Particles {
     pub states: Vec<State>,
     /// Their mean: the expected state before the looks.
     pub expected: State,
+    /// Frames that were dropped before this one.
+    pub dropped: usize,
     /// The log weights before the looks: log wₜ₋₁ p/q plus the detection likelihood.
     pub log_importance: Vec<f64>,
     /// Nats that were added to every particle so that the detection likelihood does not change the sum of the weights.
@@ -102,11 +104,12 @@ impl Particles {
     }
 }
 
-/// Returns the mean of equally weighted states.
-pub(super) fn mean(states: &[State]) -> State {
-    let each = 1.0 / states.len() as f64;
-    let sum = states.iter().fold([0.0; State::N], |mut sum, s| {
-        sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += each * x);
+/// Returns the mean of states with these log weights, which are equal after resampling.
+pub(super) fn mean(states: &[State], log_weights: &[f64]) -> State {
+    let even = log_weights.iter().all(|w| *w == log_weights[0]).then_some(1.0 / states.len() as f64);
+    let sum = states.iter().zip(log_weights).fold([0.0; State::N], |mut sum, (s, w)| {
+        let weight = even.unwrap_or_else(|| w.exp());
+        sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += weight * x);
         sum
     });
     State::from_array(sum)

@@ -39,7 +39,7 @@ impl Filter {
     }
 
     /// Scores places all over the picture, draws some of the states again from the best, and weighs all particles again. `seen` is the
-    /// place where the target was last tracked. Returns the best place.
+    /// place where the target was last tracked. Returns the best place if it fits better than the estimate then does.
     fn redetect(
         &mut self,
         view: &mut View<'_>,
@@ -58,11 +58,12 @@ impl Filter {
             scores = view.scores(places);
         }
         let least = reference.on - search.settings().fit * (reference.on - reference.off);
-        let best = search.candidates.best(scores).map(|(place, _)| place);
+        let best = search.candidates.best(scores);
         search.candidates.draw(least, &mut belief.states, &mut belief.log_importance, &mut belief.drawn, streams);
         belief.apply_detection_likelihood(self.detection_likelihood.as_ref(), view);
         belief.weigh_drawn(view, looks);
-        best
+        let here = view.scores(&[belief.belief().mean()])[0];
+        best.filter(|(_, fit)| *fit > here).map(|(place, _)| place)
     }
 
     /// Moves all particles to the place near the last one that has the colours of the target, if the target is new or fast and the estimate

@@ -79,10 +79,10 @@ fn evidence_is_per_look_and_lengths_are_in_template_units() {
     let mut at = Estimate { ess: 3.0, ..estimate(53.0) };
     at.mean.log_scale = 2.0f64.ln();
     (at.covariance[0][0], at.covariance[1][1]) = (1500.0, 100.0);
-    let mut judge = |at: &Estimate| {
+    let mut judge = |at: &Estimate, dropped| {
         look(&mut Toy::at(50.0), 1.0, |view| {
-            let log_importance = vec![0.25f64.ln(); 4];
-            let mut belief = Particles { log_importance, states: vec![state(53.0); 4], ..Particles::default() };
+            let (log_importance, states) = (vec![0.25f64.ln(); 4], vec![state(53.0); 4]);
+            let mut belief = Particles { log_importance, states, dropped, ..Particles::default() };
             let looked = (&[Gaze::CENTRE; 2][..], &[1.0, 2.0][..], None);
             let looks = view.log_likelihoods(&belief.states, looked, Looks::default());
             belief.weigh(&looks, vec![]);
@@ -91,13 +91,14 @@ fn evidence_is_per_look_and_lengths_are_in_template_units() {
             (shown, Verdict::default().context(&shown, &belief, at))
         })
     };
-    let (shown, context) = judge(&at);
+    let (shown, context) = judge(&at, 0);
     close(shown.evidence, -SLOPE * 3.0);
     close(shown.unit, 20.0);
     close(shown.spread, 800.0f64.sqrt() / 20.0);
     close(context.ess, 0.75);
+    close(judge(&at, 3).0.innovation, shown.innovation / 4.0);
     at.covariance[0][0] = f64::INFINITY;
-    assert_eq!(judge(&at).0.spread, 1e6, "a spread is finite");
+    assert_eq!(judge(&at, 0).0.spread, 1e6, "a spread is finite");
 }
 
 /// Size and shape stay within 0.25 of the given ones, in either direction.
@@ -116,7 +117,9 @@ fn without_a_look_the_prediction_is_the_belief() {
     belief.weigh_without_looks();
     close(belief.weights[0], 0.9);
     close(belief.weights[1], 0.1);
-    close(super::particles::mean(&[state(40.0), state(60.0), state(80.0)]).x, 60.0);
+    let mean = |weights: [f64; 2]| super::particles::mean(&[state(40.0), state(80.0)], &weights.map(f64::ln)).x;
+    close(mean([0.5, 0.5]), 60.0);
+    close(mean([0.9, 0.1]), 44.0);
 }
 
 /// The estimate moves from where the last one was, which is the expected place less its velocity.
@@ -433,11 +436,22 @@ fn a_misled_tracker_forgets_once() {
 
 /// Searches frame 60 for a target that is at column 70, with particles at column 50. Returns the particles, and what was found.
 fn searched(monitor: &mut Monitor, fraction: f64, lost: bool, found: &'static [Detection]) -> (Particles, Distractors) {
+    searched_from(50.0, monitor, fraction, lost, found)
+}
+
+/// The same with particles at another column.
+fn searched_from(
+    column: f64,
+    monitor: &mut Monitor,
+    fraction: f64,
+    lost: bool,
+    found: &'static [Detection],
+) -> (Particles, Distractors) {
     let mut filter = parts(Toy::at(70.0)).filter.with_local_search(Some(LocalSearch::new(Default::default())));
     filter = filter.with_redetection(Some(Redetection::new(Default::default())));
     filter = filter.with_detection_likelihood(Some(DetectionLikelihood::default()));
     look(&mut Toy::at(70.0), fraction, |view| {
-        let (mut belief, mut looks) = weighed(view, &[50.0; 10]);
+        let (mut belief, mut looks) = weighed(view, &[column; 10]);
         view.scene.detections = found;
         let when = (lost, Streams::new(1, 0), 60);
         let found = filter.search(view, &mut belief, &mut looks, monitor, when, Distractors::default());
@@ -494,6 +508,8 @@ fn a_search_does_not_end_beside_the_best_place() {
         (0..5).for_each(|_| _ = monitor.judge(true, &here, (true, 1)));
         assert_eq!(monitor.loss.is_searching(), elsewhere);
     }
+    let (_, found) = searched_from(70.0, &mut beside(false), 1.0, true, &[]);
+    assert!(found.search.is_some_and(|it| it.best.is_none()), "no place fits better than the estimate");
 }
 
 /// The particles are selected if the effective sample size is below the threshold; otherwise they keep their weights.

@@ -47,9 +47,12 @@ fn track(settings: &[&str]) -> Vec<(State, String)> {
 /// With `follow = 0` the correction is for output only.
 #[test]
 fn it_moves_the_reported_box_alone() {
-    let output_only = ["confidence.absence.weight=0", "box_regression.follow=0"];
-    let with = track(&output_only);
-    let without = track(&[output_only[0], "box_regression=none"]);
+    // P(lost) without the network.
+    let alone = ["absence.weight", "early.absence", "second_opinion.absence"].map(|key| format!("confidence.{key}=0"));
+    let [with, without] = ["box_regression.follow=0", "box_regression=none"].map(|last| {
+        let settings: Vec<&str> = alone.iter().map(String::as_str).chain([last]).collect();
+        track(&settings)
+    });
     let mut moved = 0;
     for (with, without) in with.iter().zip(&without) {
         assert_eq!(with.1, without.1);

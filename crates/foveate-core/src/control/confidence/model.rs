@@ -190,6 +190,11 @@ impl ConfidenceModel {
         if self.absence.counts() { logistic(weight * cues[ABSENCE] + bias) } else { 0.0 }
     }
 
+    /// Whether anything depends on the running mean of absence.
+    pub(crate) fn counts_absence(&self) -> bool {
+        self.absence.counts() || self.early.absence != 0.0 || self.second_opinion.absence != 0.0
+    }
+
     /// The lower bound of the reported P(lost) after so many confident frames.
     pub(super) fn by_early(&self, cues: &Cues, confident: usize) -> f64 {
         let EarlyWeights { frames, change, absence, bias } = self.early;
