@@ -76,8 +76,7 @@ class Follower:
                 box, self.box = self.box, None
                 self._begin(message.header, pixels, channels, box)
             elif self.tracker:
-                self.tracker.set_time(nanoseconds(message.header.stamp) / 1e9)
-                self.seen = self.tracker.update(pixels)
+                self._update(message.header, pixels, channels)
         except (ValueError, TypeError) as problem:
             self.error = str(problem)
             return None
@@ -87,7 +86,8 @@ class Follower:
 
     def init(self, detection: Any) -> list[Tracked]:
         """Starts on the box of a vision_msgs/Detection2D: in the next picture if its stamp is 0, else in the kept picture with its stamp.
-        Returns the results of that picture and of those since. ValueError if no such picture is kept or the box does not fit."""
+        Returns the results of that picture and of those since. ValueError if no such picture is kept, the box does not fit, or a picture
+        since then has another size or order of colours."""
         stamp, box = nanoseconds(detection.header.stamp), _box(detection.bbox)
         if not all(map(math.isfinite, box)) or min(box[2:]) <= 0:
             raise ValueError(f"the box is {box}; expected finite numbers of pixels, and sides above 0")
@@ -102,10 +102,8 @@ class Follower:
         header, pixels, channels = kept[at[-1]]
         tracked = [Tracked(header, self._begin(header, pixels, channels, box))]
         self.box = None
-        for header, pixels, _ in kept[at[-1] + 1 :]:
-            self.tracker.set_time(nanoseconds(header.stamp) / 1e9)
-            self.seen = self.tracker.update(pixels)
-            tracked.append(Tracked(header, self.seen))
+        for header, pixels, channels in kept[at[-1] + 1 :]:
+            tracked.append(Tracked(header, self._update(header, pixels, channels)))
         return tracked
 
     def reset(self) -> None:
@@ -117,6 +115,13 @@ class Follower:
         tracker.set_time(nanoseconds(header.stamp) / 1e9)
         self.seen = tracker.init(pixels, box)
         self.tracker = tracker
+        return self.seen
+
+    def _update(self, header: Any, pixels: np.ndarray, channels: str) -> foveate.Result:
+        if pixels.ndim == 3 and channels != self.tracker.channels:
+            raise ValueError(f"the order of colours is {channels}, that of the first picture {self.tracker.channels}; give the box again")
+        self.tracker.set_time(nanoseconds(header.stamp) / 1e9)
+        self.seen = self.tracker.update(pixels)
         return self.seen
 
     def state(self, now: float, timeout: float) -> tuple[bytes, str]:

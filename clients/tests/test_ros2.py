@@ -211,6 +211,17 @@ def test_pictures_that_do_not_fit_are_refused_and_the_next_one_is_tracked() -> N
     assert follower.image(image(8), 11.0).seen.ok
 
 
+def test_another_order_of_colours_is_refused() -> None:
+    follower, _ = follow()
+    assert follower.image(image(8, "bgr8"), 11.0) is None and "bgr" in follower.error
+    assert follower.image(image(8), 11.0).seen.ok
+    late = messages.Follower("fast")
+    for t in range(3):
+        late.image(image(t, "bgr8" if t else "rgb8"), 10.0)
+    with pytest.raises(ValueError, match="order of colours is bgr"):
+        late.init(box(FIRST, header(0)))
+
+
 def info(model: str, d: list[float], **more: object) -> object:
     k = [400.0, 0.0, 310.5, 0.0, 380.0, 236.25, 0.0, 0.0, 1.0]
     p = [390.0, 0.0, 300.0, 0.0, 0.0, 395.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]

@@ -40,11 +40,19 @@ def given(config: object) -> Given:
     )
 
 
+def _whole(name: str, table: Mapping[Any, Any]) -> bool:
+    """Whether it is a complete table without defaults, which can be set only as a whole."""
+    presence = table.get("presence") if name == "likelihood.distance" else None
+    return (name == "likelihood.calibrate" and set(table) == {"nats", "least", "most"}) or (
+        isinstance(presence, Mapping) and set(presence) == {"extra", "cap"}
+    )
+
+
 def _settings(settings: Mapping[Any, Any], above: str) -> Iterator[tuple[str, str]]:
     """Settings by their keys with dots, the values in TOML."""
     for key, value in settings.items():
         name = f"{above}{key}"
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and not _whole(name, value):
             yield from _settings(value, f"{name}.")
         else:
             yield name, _toml(value, name)

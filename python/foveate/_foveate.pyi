@@ -235,7 +235,8 @@ class Tracker:
         Raises
         ------
         foveate.InputError
-            There is no result yet, also after :meth:`load`; or ``dt`` is out of range.
+            There is no result yet, also after :meth:`load`, and in a copy or from a pickle, until the next update; or ``dt`` is out
+            of range.
         """
     def predict_at(self, seconds: float) -> Result:
         """Predicts as :meth:`predict` does, for a time in seconds on the clock of :meth:`set_time`: that of the motor's action.
@@ -243,7 +244,7 @@ class Tracker:
         Raises
         ------
         foveate.InputError
-            Fewer than two pictures have a time, or it lies before the last picture.
+            As :meth:`predict`; or fewer than two pictures have a time, or it lies before the last picture.
         """
     def set_time(self, seconds: float) -> None:
         """Sets the time of the next picture, seconds from any origin. If frames were dropped before it, the particles move for as many frames
@@ -344,9 +345,11 @@ class MultiTracker:
     def targets(self) -> Targets:
         """All active targets of the last picture, by id, including those in the phase "lost", whose boxes are guesses."""
     def save(self) -> bytes:
-        """Returns the whole state, as JSON in UTF-8; see :meth:`Tracker.save`."""
+        """Returns the whole state, as JSON in UTF-8; see :meth:`Tracker.save`. It lacks the names of classes; a pickle contains them."""
     def load(self, saved: bytes) -> None:
-        """Restores a state from :meth:`save`, in a tracker of the same configuration, seed and channels; after an error nothing has changed."""
+        """Restores a state from :meth:`save`, in a tracker of the same configuration, seed and channels, and clears the names of classes; after
+        an error nothing has changed.
+        """
     @property
     def config(self) -> str:
         """The configuration as TOML, with every setting."""
@@ -383,6 +386,8 @@ class Video:
     ------
     foveate.FileError
         The source does not exist or cannot be read; while iterating, the source breaks off.
+    foveate.InputError
+        There is no picture ``start``; if the number of pictures is unknown, the first read raises it.
 
     Examples
     --------
@@ -415,7 +420,8 @@ class Video:
         Raises
         ------
         foveate.InputError
-            There is no such picture, or it is an earlier one of a stream, which cannot be read again.
+            There is no such picture, or it is an earlier one of a stream, which cannot be read again. If the number of pictures is
+            unknown, the next read raises it.
         """
     @property
     def size(self) -> tuple[int, int]:

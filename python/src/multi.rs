@@ -133,14 +133,17 @@ impl PyMultiTracker {
         arrays(py, &targets, self.names.bind(py), &PyDict::new(py))
     }
 
-    /// Returns the whole state, as JSON in UTF-8; see :meth:`Tracker.save`.
+    /// Returns the whole state, as JSON in UTF-8; see :meth:`Tracker.save`. It lacks the names of classes; a pickle contains them.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         self.held.save(py)
     }
 
-    /// Restores a state from :meth:`save`, in a tracker of the same configuration, seed and channels; after an error nothing has changed.
+    /// Restores a state from :meth:`save`, in a tracker of the same configuration, seed and channels, and clears the names of classes; after
+    /// an error nothing has changed.
     fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
-        self.held.load(py, saved)
+        self.held.load(py, saved)?;
+        self.names.bind(py).clear();
+        Ok(())
     }
 
     /// The configuration as TOML, with every setting.

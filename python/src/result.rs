@@ -147,6 +147,7 @@ pub(crate) fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Es
 #[pyclass(frozen, module = "foveate._foveate", name = "_Estimate")]
 pub struct Estimate {
     seen: Seen,
+    covariance: Lazy<PyArray2<f64>>,
     gazes: Lazy<PyArray2<f64>>,
     rewards: Lazy<PyArray1<f64>>,
     particles: Lazy<PyArray2<f64>>,
@@ -171,6 +172,7 @@ impl From<Seen> for Estimate {
     fn from(mut seen: Seen) -> Self {
         let take = std::mem::take::<Vec<f64>>;
         Self {
+            covariance: Lazy::new(seen.covariance.as_flattened().to_vec()),
             gazes: Lazy::new(take(&mut seen.gazes)),
             rewards: Lazy::new(take(&mut seen.rewards)),
             particles: Lazy::new(take(&mut seen.particles)),
@@ -204,8 +206,7 @@ impl Estimate {
     }
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let rows = Array2::from_shape_fn((State::N, State::N), |(i, j)| self.seen.covariance[i][j]);
-        rows.into_pyarray(py)
+        self.covariance.get(py, State::N)
     }
     #[getter]
     fn ess(&self) -> f64 {

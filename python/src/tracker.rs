@@ -220,7 +220,8 @@ impl PyTracker {
     /// Raises
     /// ------
     /// foveate.InputError
-    ///     There is no result yet, also after :meth:`load`; or ``dt`` is out of range.
+    ///     There is no result yet, also after :meth:`load`, and in a copy or from a pickle, until the next update; or ``dt`` is out
+    ///     of range.
     fn predict(&self, py: Python<'_>, dt: f64) -> PyResult<Py<PyAny>> {
         let seen = py.detach(|| self.0.working().tracker.predict(dt).map(|seen| Seen::of(&seen))).or_raise(py)?;
         seen.into_result(py, self.0.making.channels.name)
@@ -231,7 +232,7 @@ impl PyTracker {
     /// Raises
     /// ------
     /// foveate.InputError
-    ///     Fewer than two pictures have a time, or it lies before the last picture.
+    ///     As :meth:`predict`; or fewer than two pictures have a time, or it lies before the last picture.
     fn predict_at(&self, py: Python<'_>, seconds: f64) -> PyResult<Py<PyAny>> {
         let seen =
             py.detach(|| self.0.working().tracker.predict_at(seconds).map(|seen| Seen::of(&seen))).or_raise(py)?;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use foveate::Result;
 use foveate::video::{FrameSource, Live, LiveOptions, Meter, Pace, SourceInfo, is_live, newest};
+use foveate::{Error, Result};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
@@ -33,6 +33,8 @@ use crate::pictures::{Channels, interleaved};
 /// ------
 /// foveate.FileError
 ///     The source does not exist or cannot be read; while iterating, the source breaks off.
+/// foveate.InputError
+///     There is no picture ``start``; if the number of pictures is unknown, the first read raises it.
 ///
 /// Examples
 /// --------
@@ -63,6 +65,8 @@ struct Reading {
     at: usize,
     /// The next requested picture.
     wanted: usize,
+    /// Whether `start` or `seek` requested it; it must exist then.
+    sought: bool,
     /// The last picture read, and its time.
     last: Option<(usize, f64)>,
     ended: bool,
@@ -84,7 +88,7 @@ impl Reading {
         } else {
             (foveate::video::open(path)?, None)
         };
-        Ok(Self { source: Some(source), meter, at: 0, wanted, last: None, ended: false })
+        Ok(Self { source: Some(source), meter, at: 0, wanted, sought: true, last: None, ended: false })
     }
 }
 
@@ -136,39 +140,32 @@ impl PyVideo {
         let order = self.channels.order();
         let next = py.detach(|| {
             let mut reading = held(&self.reading);
-            let Reading { source: Some(source), at, wanted, last, ended, .. } = &mut *reading else {
-                return Some(Err(None));
+            let Reading { source: Some(source), at, wanted, sought, last, ended, .. } = &mut *reading else {
+                return Err(Error::Invalid("the video is closed; open it anew".into()));
             };
             if *ended {
-                return None;
+                return Ok(None);
             }
             let frame = source.pass_over(wanted.saturating_sub(*at)).and_then(|()| source.next().transpose());
-            match frame {
-                Ok(Some(frame)) => {
+            *ended = !matches!(frame, Ok(Some(_)));
+            match frame? {
+                Some(frame) => {
                     *at = frame.index + 1;
                     *wanted = frame.index.saturating_add(self.every);
+                    *sought = false;
                     *last = Some((frame.index, frame.time));
-                    Some(Ok(interleaved(&frame.image, order)))
+                    Ok(Some(interleaved(&frame.image, order)))
                 }
-                Ok(None) => {
-                    *ended = true;
-                    None
-                }
-                Err(error) => {
-                    *ended = true;
-                    Some(Err(Some(error)))
-                }
+                None if *sought => Err(Error::Invalid(format!(
+                    "there is no picture {wanted}, counted from 0: the video ends before it"
+                ))),
+                None => Ok(None),
             }
         });
         if let Some(error) = held(&self.signal).take() {
             return Err(error);
         }
-        match next {
-            None => Ok(None),
-            Some(Ok(pixels)) => Ok(Some(pixels.into_array(py))),
-            Some(Err(None)) => Err(input(py, "the video is closed; open it anew")),
-            Some(Err(Some(error))) => Err(error).or_raise(py),
-        }
+        Ok(next.or_raise(py)?.map(|pixels| pixels.into_array(py)))
     }
     /// The number of pictures that a loop from the start reads.
     ///
@@ -207,14 +204,15 @@ impl PyVideo {
     /// Raises
     /// ------
     /// foveate.InputError
-    ///     There is no such picture, or it is an earlier one of a stream, which cannot be read again.
+    ///     There is no such picture, or it is an earlier one of a stream, which cannot be read again. If the number of pictures is
+    ///     unknown, the next read raises it.
     fn seek(&self, py: Python<'_>, frame: usize) -> PyResult<()> {
         self.check(py, frame)?;
         let back = py.detach(|| {
             let mut reading = held(&self.reading);
             let back = reading.at > frame || reading.ended;
             if reading.source.is_some() && !back {
-                reading.wanted = frame;
+                (reading.wanted, reading.sought) = (frame, true);
             }
             reading.source.is_some() && back
         });

@@ -129,6 +129,8 @@ def test_classes_names_and_data_are_carried_through(pictures: Any) -> None:
     targets = tracker.update(pictures[9])
     assert targets[cat.id].name == "cat" and targets[cat.id].detection_index == -1 and np.isnan(targets[cat.id].score)
     assert pickle.loads(pickle.dumps(tracker)).targets.names == targets.names
+    tracker.load(tracker.save())
+    assert tracker.targets.names == [None, None], "a saved state has no names"
     plain = foveate.MultiTracker(config={"particles": 100})
     for t in range(5):
         targets = plain.update(pictures[t], detections(t))

@@ -40,7 +40,7 @@ def test_a_square_is_followed(pictures: Any) -> None:
     np.testing.assert_allclose(seen.weights.sum(), 1)
     np.testing.assert_allclose(seen.ess, 1 / (seen.weights**2).sum())
     assert seen.particles is seen.particles, "made once"
-    assert not seen.particles.flags.writeable and seen.gazes.shape == (len(seen.rewards), 2)
+    assert not (seen.particles.flags.writeable or seen.covariance.flags.writeable) and seen.gazes.shape == (len(seen.rewards), 2)
     assert seen.gaze in [tuple(g) for g in seen.gazes.tolist()]
     assert "tracking" in repr(seen)
 
@@ -163,6 +163,11 @@ def test_configurations(pictures: Any, tmp_path: Path) -> None:
         {"policy": {"gamma": 0.5, "kind": "hedge"}},
     ):
         assert foveate.Tracker(config=order).config == foveate.Tracker(config={"policy": {"kind": "hedge", "gamma": 0.5}}).config
+    rule = {"nats": 12, "least": 1, "most": 1000}
+    for calibrated in ({"likelihood": {"distance": "cosine", "calibrate": rule}}, {"likelihood.calibrate": rule}):
+        assert "nats = 12" in foveate.Tracker("natural", config=calibrated).config
+    for profile, presence in (("natural", {"extra": 0.5, "cap": 0.25}), ("digits", {"extra": 0.5})):
+        assert "extra = 0.5" in foveate.Tracker(profile, config={"likelihood": {"distance": {"presence": presence}}}).config
     for wrong, said in [
         (lambda: foveate.Tracker("natrual"), 'did you mean "natural"'),
         (lambda: foveate.Tracker("Balanced"), 'did you mean "balanced"'),
@@ -372,6 +377,11 @@ def test_predictions_move_on_and_grow(pictures: Any) -> None:
             tracker.predict(wrong)
     with pytest.raises(foveate.InputError, match="set_time"):
         tracker.predict_at(1.0)
+    other = copy.deepcopy(tracker)
+    with pytest.raises(foveate.InputError, match="no result yet"):
+        other.predict(1)
+    other.update(pictures[9])
+    assert other.predict(1).box.x > now.box.x
 
 
 def test_dropped_frames_move_the_particles(pictures: Any) -> None:

@@ -138,6 +138,22 @@ def test_a_stream_ends_once(folder: Path, tmp_path: Path) -> None:
                 again()
 
 
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="skipped: no ffmpeg")
+def test_a_picture_beyond_an_unknown_end_is_an_error(folder: Path, tmp_path: Path) -> None:
+    film = tmp_path / "a.mkv"
+    subprocess.run(["ffmpeg", "-v", "error", "-start_number", "3", "-i", folder / "f%04d.png", film], check=True)
+    with pytest.raises(foveate.InputError, match="there is no picture 500"):
+        next(foveate.Video(film, start=500))
+    video = foveate.Video(film, every=5)
+    assert len(list(video)) == 3
+    video.seek(11)
+    assert next(video) is not None and next(video, None) is None, "the stride may pass the end"
+    video.seek(12)
+    with pytest.raises(foveate.InputError, match="there is no picture 12"):
+        next(video)
+    assert next(video, None) is None and len(list(video)) == 3
+
+
 def test_a_video_is_followed(folder: Path, pictures: Any) -> None:
     """The same boxes from a path, a video, and pictures; one result for each picture."""
     by_hand = foveate.Tracker("fast")
