@@ -15,9 +15,8 @@ use crate::command::word;
 
 /// Maximum number of frames: the smoother takes seconds for more.
 pub(crate) const MOST_MEASURED: usize = 3000;
-/// Maximum number of points of a chart, and of a fitted curve; longer tracks have every n-th frame.
+/// Maximum number of points of a chart; longer tracks have every n-th frame.
 const POINTS: usize = 1000;
-const CURVE: usize = 200;
 
 /// The options of `foveate measure`, as text. Pixels count from 1.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -113,8 +112,9 @@ pub(crate) fn charts(measured: &Measurement) -> Json {
 
 fn fitted(fit: &Fit) -> Json {
     let every = fit.data.len().div_ceil(POINTS).max(1);
-    let ends = [fit.data.first(), fit.data.last()].map(|point| point.map_or(0.0, |point| point.0));
-    let times = (0..=CURVE).map(|k| ends[0] + (ends[1] - ends[0]) * k as f64 / CURVE as f64);
+    let [from, to] = [fit.data.first(), fit.data.last()].map(|point| point.map_or(0.0, |point| point.0));
+    let steps = fit.steps(to - from);
+    let times = (0..=steps).map(|k| from + (to - from) * k as f64 / steps as f64);
     json!({
         "axis": fit.curve.0, "formula": fit.formula, "t0": fit.t0, "points": fit.points, "rms": fit.rms,
         "values": fit.values.iter().map(Value::text).collect::<Vec<_>>(),
@@ -165,6 +165,20 @@ mod tests {
         let answer = charts(&measured(0, &track(1500, |_| true), &settings).expect("a measurement"));
         assert_eq!(answer["times"].as_array().map(Vec::len), Some(750));
         assert_eq!(answer["fit"]["data"].as_array().map(Vec::len), Some(750));
+    }
+
+    #[test]
+    fn a_curve_of_many_periods_has_more_points() {
+        let line = |k: usize| {
+            let x = 80.0 + 20.0 * (k as f64 * std::f64::consts::TAU / 10.0).sin();
+            format!("{},{},{x},40,0.04,0,0.04,0.01,tracking,1\n", k + 1, k as f64 / 50.0)
+        };
+        let track = "frame,time,x,y,cov_x_x,cov_x_y,cov_y_y,p_lost,status,usable\n".to_owned();
+        let track = track + &(0..=400).map(line).collect::<String>();
+        let settings = Settings { fits: vec!["sine:x".parse().expect("a fit")], ..Settings::default() };
+        let answer = charts(&measured(0, &track, &settings).expect("a measurement"));
+        let points = answer["fit"]["curve"].as_array().map(Vec::len);
+        assert!(points.is_some_and(|points| (630..660).contains(&points)), "16 for each of 40 periods: {points:?}");
     }
 
     #[test]

@@ -233,6 +233,19 @@ fn what_cannot_be_measured_is_refused() {
     refused(&["video", "--lens", "lens.yml"], "4000 x 90");
     refused(&["video", "--keyframes", "two.txt", "--format", "mot"], "2 targets");
     refused(&["video", "--keyframes", "two.txt"], "--format");
+    // A target that is never in the picture is none.
+    let shape = |frame: usize, outside: u8| {
+        format!("<box frame=\"{frame}\" outside=\"{outside}\" xtl=\"5\" ytl=\"5\" xbr=\"25\" ybr=\"25\"/>")
+    };
+    let never = format!("<track id=\"1\">{}</track>", shape(0, 1));
+    let task = |end: String| {
+        format!("<annotations>{never}<track id=\"2\">{}{}{end}</track></annotations>", shape(0, 1), shape(1, 0))
+    };
+    std::fs::write(place.path("task.xml"), task(shape(4, 1) + &shape(6, 0))).expect("writable");
+    let gone = ["video", "--keyframes", "task.xml", "--format", "cvat"];
+    refused(&gone, "outside the picture in frame 5");
+    refused(&gone, "the first with --until 4");
+    refused(&[&gone[..], &["--until", "4", "--every", "3", "--fit", "cubic:y"]].concat(), "parabola");
     std::fs::write(place.path("keys.txt"), "1,1,5,5,20,20,1,-1,-1,-1\n3,1,5,5,20,20,1,-1,-1,-1\n").expect("writable");
     let keys = ["video", "--keyframes", "keys.txt", "--format", "mot", "--every", "3"];
     refused(&keys, "keys.txt: --every 3 leaves out the key frame 3");

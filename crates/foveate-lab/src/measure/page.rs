@@ -104,7 +104,9 @@ fn charts(fit: &Fit) -> String {
     let points = || fit.data.iter().step_by(every);
     let dots = |of: fn(&(f64, f64, f64)) -> (f64, f64)| Mark::dots(INKS[axis], 2.0, points().map(of));
     let ends = fit.data.first().map_or(0.0, |p| p.0)..fit.data.last().map_or(0.0, |p| p.0);
-    let times = (0..=300).map(|k| ends.start + (ends.end - ends.start) * f64::from(k) / 300.0);
+    let span = ends.end - ends.start;
+    let steps = fit.steps(span);
+    let times = (0..=steps).map(|k| ends.start + span * k as f64 / steps as f64);
     let curve = Mark::line(CURVE, 1.5, times.map(|t| (t, fit.at(t))));
     let zero = Mark::line(CURVE, 1.0, [(ends.start, 0.0), (ends.end, 0.0)]);
     let label = format!("{} ({})", AXES[axis], fit.unit);

@@ -105,6 +105,13 @@ impl Fit {
         let values: Vec<f64> = self.values.iter().map(|value| value.value).collect();
         self.curve.1.at(&values, time - self.t0)
     }
+
+    /// Returns the number of steps in which to draw the curve over `span` seconds: 16 a period T, at least 300, at most 20,000.
+    pub fn steps(&self, span: f64) -> usize {
+        let period =
+            self.values.iter().find(|value| value.name == "T").map_or(f64::INFINITY, |value| value.value.abs());
+        ((16.0 * span / period).ceil() as usize).clamp(300, 20_000)
+    }
 }
 
 /// What all fits of a point have in common.
@@ -259,6 +266,24 @@ mod tests {
         for wrong in ["cubic:y", "line", "line:z", "line:x:2-1", "line:x:1-2:3"] {
             assert!(wrong.parse::<FitRequest>().is_err_and(|problem| problem.contains("parabola")), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_drawn_curve_has_enough_steps_a_period() {
+        let fitting = Fitting { point: "1", length: "m", relative: [0.0; 2] };
+        let steps = |curve: Curve, period: f64, span: f64| {
+            let points: Vec<Point> =
+                (0..60).map(|k| f64::from(k) / 20.0).map(|t| (t, (6.0 * t / period).sin(), 1e-4)).collect();
+            let fitted = fit(curve, &points).expect("enough points");
+            let fit = fitting.result(&FitRequest { curve, axis: 0, range: None }, &points, &fitted);
+            let period = fit.values.iter().find(|value| value.name == "T").map(|value| value.value);
+            (fit.steps(span), period)
+        };
+        let (many, period) = steps(Curve::Sine, 1.0, 150.0);
+        assert!(many as f64 >= 16.0 * 150.0 / period.expect("a period") && many < 3000, "{many}");
+        assert_eq!(steps(Curve::Sine, 1.0, 1.0).0, 300);
+        assert_eq!(steps(Curve::Sine, 1.0, 1e6).0, 20_000);
+        assert_eq!(steps(Curve::Line, 1.0, 1e6).0, 300);
     }
 
     /// A fall without drag has no time constant, a fall in syrup has one.

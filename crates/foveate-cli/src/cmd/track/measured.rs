@@ -31,7 +31,8 @@ impl Args {
         let about = open_with(source, &self.input.options())?.info().clone();
         let mut boxes = Boxes::read_of_size(format, path, Some(about.size()))?;
         boxes.take_notes().iter().for_each(|lost| note!("foveate: {}: {lost}", path.display()));
-        let targets = boxes.key_frames();
+        let mut targets = boxes.key_frames();
+        targets.retain(|_, keys| keys.values().any(Option::is_some));
         let (Some(keys), 1) = (targets.values().next(), targets.len()) else {
             let count = counted(targets.len(), "target");
             return Err(Error::malformed(path, format!("it has {count} with key frames; expected one")));
@@ -43,6 +44,17 @@ impl Args {
         let Some((first, _)) = drawn.clone().next() else {
             return Err(Error::malformed(path, "it has no box in a frame that is tracked; expected at least one"));
         };
+        let end = about.exact_frames().map_or(until, |frames| frames.min(until)).max(first);
+        if let Some((gone, _)) = keys.range(first..end).find(|(_, bbox)| bbox.is_none()) {
+            return Err(Error::malformed(
+                path,
+                format!(
+                    "the target is outside the picture in frame {}, and measuring follows a target that stays in it; measure each part \
+                     on its own, the first with --until {gone}, or delete such key frames",
+                    gone + 1
+                ),
+            ));
+        }
         let every = self.input.selection().every;
         for (k, (frame, bbox)) in drawn.enumerate() {
             if (frame - first) % every != 0 {
