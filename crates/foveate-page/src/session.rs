@@ -189,8 +189,13 @@ impl<H: Host> Session<H> {
 
     pub(crate) fn step(&mut self, frames: usize) -> Result<Value> {
         let (began, before) = (H::now(), self.tracks.frames());
-        // A stream has one new frame; targets that are behind catch up on the stored ones.
-        let frames = if self.is_live() { 1 } else { frames };
+        let frames = match &self.source {
+            Source::Video(_) => frames.max(1),
+            // The page has pushed no new frame; one may follow.
+            Source::Live(recent, None) if self.tracks.next() == Some(recent.count()) => 0,
+            // A stream has one new frame; targets that are behind catch up on the stored ones.
+            Source::Live(..) => 1,
+        };
         let mut answer = self.tracks.step(frames, || H::now() - began > LONGEST_STEP)?;
         if self.tracks.frames() > before {
             self.saving = None;

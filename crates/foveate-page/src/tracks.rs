@@ -90,7 +90,7 @@ impl Tracks {
         Ok(json!({}))
     }
 
-    /// Tracks some frames; stops after the first one when `enough` returns true. Targets that are behind catch up first, so that all
+    /// Tracks up to this number of frames; stops after the first one when `enough` returns true. Targets that are behind catch up first, so that all
     /// targets get a frame while it is available.
     ///
     /// # Errors
@@ -98,7 +98,7 @@ impl Tracks {
     pub(crate) fn step(&mut self, frames: usize, enough: impl Fn() -> bool) -> Result<Value> {
         self.get(0)?;
         let (before, mut problem) = (self.frames(), None);
-        for done in 0..frames.clamp(1, MOST_STEPS) {
+        for done in 0..frames.min(MOST_STEPS) {
             let Some(next) = self.next().filter(|_| done == 0 || !enough()) else { break };
             let mut due = self.all.iter_mut().filter(|t| !t.ended() && t.last() + 1 == next);
             if let Err(error) = due.try_for_each(|tracking| tracking.step(&mut self.frames)) {

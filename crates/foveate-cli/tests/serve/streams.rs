@@ -155,6 +155,12 @@ fn pushed_frames_are_followed() {
         };
         let (status, answer) = server.ask(&message.to_string());
         assert_eq!(status, 200, "{answer}");
+        if t == 1 {
+            // Without a new frame there is no result, and the track goes on.
+            let (status, none) = server.ask(&message.to_string());
+            let target = &none["targets"][0];
+            assert_eq!((status, &target["rows"], &target["ended"]), (200, &json!([]), &json!(false)), "{none}");
+        }
         if t > 0 {
             overlaps.push(iou(boxes_of(&answer["targets"][0])[0], truth(t)));
         }
