@@ -261,7 +261,10 @@ impl Runs {
         for (name, run) in order {
             let Tally { frames, occluded_frames, lost_frames } = run.tally;
             let report = if root.join(name).join("report.html").is_file() { "report.html" } else { "" };
-            let (link, shown) = (address(name), escape(name));
+            let shown = match root.join(name).is_dir() {
+                true => format!("<a href=\"{}/{report}\">{}</a>", address(name), escape(name)),
+                false => escape(name),
+            };
             let figures = run.error.as_ref().map_or_else(
                 || {
                     format!(
@@ -271,7 +274,7 @@ impl Runs {
                 },
                 |error| format!("<td class=\"words\" colspan=\"4\">{}</td>", escape(error)),
             );
-            let _ = writeln!(rows, "<tr><td><a href=\"{link}/{report}\">{shown}</a></td>{figures}</tr>");
+            let _ = writeln!(rows, "<tr><td>{shown}</td>{figures}</tr>");
         }
         let heads =
             ["video", "frames", "occluded", "lost", "occluded or lost, %"].map(|head| format!("<th>{head}</th>"));
