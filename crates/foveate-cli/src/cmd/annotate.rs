@@ -10,6 +10,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use foveate::config::Blueprint;
+use foveate::geometry::Size;
 use foveate::report::run::check_box;
 use foveate::text::counted;
 use foveate::video::annotation::ABSENCE;
@@ -82,6 +83,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let about = open_with(&args.source, &options)?.info().clone();
     let mut boxes = Boxes::read_of_size(args.format, &args.keyframes, Some(about.size()))?;
     boxes.take_notes().iter().for_each(|lost| note!("foveate: {}: {lost}", args.keyframes.display()));
+    check_size(&args, &boxes, about.size())?;
     let (blueprint, seed) = args.choice.blueprint()?;
     if blueprint.config().multi_target.is_some() {
         return Err(Error::Config(format!(
@@ -91,6 +93,12 @@ pub(crate) fn run(args: Args) -> Result<()> {
     }
     let keys = boxes.key_frames();
     let frames = frames(&args, &options, &about, &keys)?;
+    // A target may end in the frame after the last one, which is no frame of the video.
+    let after = keys.values().any(|keys| keys.contains_key(&frames));
+    if boxes.frames() > frames + usize::from(after) {
+        let (stated, frames) = (counted(boxes.frames(), "frame"), counted(frames, "frame"));
+        note!("foveate: {}: it is for {stated}, and the video has {frames}", args.keyframes.display());
+    }
     let targets = targets(&args.keyframes, keys, frames, &about)?;
     let format = args.to.unwrap_or(args.format);
     if let (true, [_, _, ..]) = (format.is_of_one(), &targets[..]) {
@@ -142,6 +150,17 @@ pub(crate) fn run(args: Args) -> Result<()> {
     say!("{verdict}");
     paths.iter().for_each(|path| say!("{}", path.display()));
     Ok(())
+}
+
+/// Refuses boxes in pixels of pictures that have another size than the video's. Label Studio's are in per cent: notes the other size.
+fn check_size(args: &Args, boxes: &Boxes, size: Size) -> Result<()> {
+    let Some(stated) = boxes.stated_size().filter(|stated| *stated != size) else { return Ok(()) };
+    let problem = format!("it is for pictures of {stated}, and {} has {size}", args.source.display());
+    if args.format == Format::LabelStudio {
+        note!("foveate: {}: {problem}", args.keyframes.display());
+        return Ok(());
+    }
+    Err(Error::malformed(&args.keyframes, problem + "; give the video for which the boxes were drawn"))
 }
 
 /// The number of frames of the video: as its container or folder states it, or else counted.

@@ -112,7 +112,9 @@ impl Boxes {
     /// # Errors
     /// As [`Boxes::read`], and if such a format has no size.
     pub fn read_of_size(format: Format, path: &Path, size: Option<Size>) -> Result<Self> {
-        let mut boxes = read(format, path, size)?.of_size(size);
+        let boxes = read(format, path, size)?;
+        let stated = boxes.size;
+        let mut boxes = Self { stated, ..boxes.of_size(size) };
         if boxes.frames == 0 && boxes.tracks.is_empty() {
             return Err(Error::malformed(path, "it has neither frames nor boxes; expected some"));
         }

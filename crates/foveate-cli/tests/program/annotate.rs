@@ -139,6 +139,35 @@ fn a_target_out_of_the_picture_has_no_boxes_and_keeps_its_label() {
     }
 }
 
+/// Boxes in pixels of other pictures are refused; those in per cent fit. A longer video is noted.
+#[test]
+fn key_frames_of_another_video_are_reported() {
+    let place = Place::new();
+    assert!(place.run(&["synth", "clutter", "--frames", "4", "--out", "scene"]).status.success());
+    let cvat = |width: usize, frames: usize| {
+        format!(
+            "<annotations><meta><task><size>{frames}</size><original_size><width>{width}</width><height>200</height></original_size>\
+             </task></meta><track id=\"1\" label=\"a\"><box frame=\"0\" xtl=\"30\" ytl=\"30\" xbr=\"58\" ybr=\"58\"/></track></annotations>"
+        )
+    };
+    let coco = r#"{"images":[{"id":1,"frame_id":0,"width":640,"height":480}],"annotations":[{"image_id":1,"track_id":1,"bbox":[30,30,28,28]}]}"#;
+    let studio = r#"[{"annotations":[{"result":[{"type":"videorectangle","original_width":640,"original_height":480,"value":
+        {"framesCount":4,"sequence":[{"frame":1,"x":20,"y":20,"width":10,"height":10}]}}]}]}]"#;
+    for (keys, format, is_refused, said) in [
+        (cvat(640, 4), "cvat", true, "it is for pictures of 640 x 200, and scene has 250 x 200"),
+        (coco.to_owned(), "coco", true, "it is for pictures of 640 x 480, and scene has 250 x 200"),
+        (studio.to_owned(), "label-studio", false, "it is for pictures of 640 x 480, and scene has 250 x 200"),
+        (cvat(250, 9), "cvat", false, "it is for 9 frames, and the video has 4 frames"),
+    ] {
+        std::fs::write(place.path("keys"), keys).expect("a writable folder");
+        let args =
+            ["annotate", "scene", "--config", "digits", "--keyframes", "keys", "--out", format, "--format", format];
+        let run = place.run(&args);
+        assert_eq!(run.status.success(), !is_refused, "{format}: {}", errors(&run));
+        assert!(errors(&run).contains(said), "{format}: {}", errors(&run));
+    }
+}
+
 #[test]
 fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
     let (place, truth) = scene();

@@ -77,10 +77,14 @@ fn many_targets_keep_their_ids() {
     place.convert("there", "viame", "tasks.json", "label-studio", &size);
     place.convert("tasks.json", "label-studio", "back.txt", "mot", &size);
     assert_eq!(place.read("back.txt"), text);
-    // Regions of Label Studio itself count from 1.
-    place.write("tasks.json", &place.read("tasks.json").replace("target-7", "hD2cQ"));
-    place.convert("tasks.json", "label-studio", "back.txt", "mot", &size);
-    assert_eq!(place.read("back.txt"), text.replace(",3,", ",1,").replace("1,7,", "1,2,"));
+    // Regions of Label Studio itself have the next unused numbers; the others keep theirs.
+    let tasks = place.read("tasks.json");
+    for new in ["hD2cQ", "target-3", "target-1"] {
+        place.write("tasks.json", &tasks.replace("target-7", new));
+        place.convert("tasks.json", "label-studio", "back.txt", "mot", &size);
+        let back = place.read("back.txt");
+        assert!(back.starts_with("1,1,20,") && back.contains("\n1,3,1,") && back.contains("\n3,3,2,"), "{new}: {back}");
+    }
     assert!(place.failure("tasks.json", "label-studio", "mot").contains("give --size WIDTHxHEIGHT"));
     assert!(
         place.failure("gt.txt", "mot", "otb").contains("2 targets (3, 7) for a format of one; choose one with --id")
@@ -191,6 +195,12 @@ fn key_frames_out_of_order_lose_no_boxes() {
     };
     assert_eq!(frames([0, 1, 2, 3]).lines().count(), 9);
     assert_eq!(frames([2, 3, 0, 1]), frames([0, 1, 2, 3]));
+    // The same box twice is one; two boxes of a frame are an error.
+    assert_eq!(frames([0, 1, 1, 2]), frames([0, 1, 2, 2]));
+    place.write("tasks.json", &place.read("tasks.json").replacen("\"frame\":5", "\"frame\":1", 1));
+    let twice = place.run("tasks.json", "label-studio", "failed", "mot", &["--size", "100x100"]);
+    let said = String::from_utf8_lossy(&twice.stderr);
+    assert!(!twice.status.success() && said.contains("frame 1 has two boxes of the target 1"), "{said}");
 }
 
 /// The last box of a track holds up to the last frame of all, whatever the order of the tracks, and whatever a part of a task states.
@@ -247,6 +257,9 @@ fn labels_occlusion_and_size_stay() {
         );
         assert_eq!(back.matches("outside=\"0\"").count(), 9, "{format}");
     }
+    place.write("lines.xml", &task(gone).replace("label=\"c\"", "label=\"c&#10;d&#9;e&#13;f\""));
+    place.convert("lines.xml", "cvat", "same.xml", "cvat", &[]);
+    assert!(place.read("same.xml").contains("label=\"c&#10;d&#9;e&#13;f\""), "{}", place.read("same.xml"));
     place.write("dive.csv", "# metadata\n3,\"a, b.png\",0,1,1,9,9,0.5,-1,cat,0.2,dog,0.8,(atr) x 1\n");
     place.convert("dive.csv", "viame", "dive.xml", "cvat", &[]);
     assert!(place.read("dive.xml").contains("<track id=\"3\" label=\"dog\""));
@@ -306,10 +319,13 @@ fn losses_of_a_conversion_are_reported() {
         r#"{"images":[{"id":9,"frame_id":3},{"id":4,"frame_id":9}],"annotations":[{"image_id":4,"bbox":[0,0,2,3]}]}"#,
     );
     place.convert("coco.json", "coco", "a.txt", "mot", &[]);
-    assert_eq!(place.read("a.txt"), "9,-1,1,1,2,3,1,-1,-1,-1\n", "the frame_id is the frame");
-    place.write("coco.json", &place.read("coco.json").replace("\"frame_id\":3", "\"frame_id\":0"));
-    place.convert("coco.json", "coco", "a.txt", "mot", &[]);
-    assert!(place.read("a.txt").starts_with("10,-1,"), "they count from 0 if one is 0");
+    assert_eq!(place.read("a.txt"), "10,-1,1,1,2,3,1,-1,-1,-1\n", "the frame_id is the frame");
+    for (first, frame) in [(0, "10,-1,"), (1, "9,-1,"), (2, "10,-1,")] {
+        let file = place.read("coco.json").replace("\"frame_id\":3", &format!("\"frame_id\":{first}"));
+        place.write("first.json", &file);
+        place.convert("first.json", "coco", "a.txt", "mot", &[]);
+        assert!(place.read("a.txt").starts_with(frame), "they count from 1 if the least is 1: {first}");
+    }
     place.write("mixed.csv", "1,,0,1,1,11,11,1,-1,cat,1\n1,,1,1,1,11,11,1,-1,dog,1\n");
     let lost = place.convert("mixed.csv", "viame", "a.json", "coco", &[]);
     assert!(lost.contains("1 boxes differ from the class of the first box"), "{lost}");
@@ -346,6 +362,13 @@ fn damage_is_an_error_that_names_the_file() {
         ("1,2,3\n", "otb", "mot", "line 1: expected x,y,w,h"),
         ("1,2,3\n", "vot", "mot", "line 1: expected a rectangle"),
         ("1,1,1,1,5,5\n1,1,2,2,5,5\n", "mot", "coco", "frame 1 has two boxes of the target 1"),
+        (
+            "<annotations><track id=\"4\"><box frame=\"2\" xtl=\"1\" ytl=\"1\" xbr=\"9\" ybr=\"9\"/>\
+             <box frame=\"2\" xtl=\"1\" ytl=\"1\" xbr=\"8\" ybr=\"9\"/></track></annotations>",
+            "cvat",
+            "mot",
+            "frame 3 has two boxes of the target 4",
+        ),
         ("1,-1,1,1,5,5\n", "mot", "cvat", "no id (-1)"),
         ("1,-1,1,1,5,5\n1,-1,9,9,5,5\n", "mot", "otb", "2 detections without ids (-1)"),
         ("", "otb", "mot", "neither frames nor boxes"),

@@ -8,6 +8,8 @@ use foveate::text::counted;
 use foveate::video::SourceInfo;
 use foveate::video::mot::TrackBox;
 use foveate::{BBox, Error, Result, memory};
+use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 /// Maximum length of a video in frames; a larger frame number indicates a damaged file.
 pub(super) const MOST: usize = 1_000_000;
@@ -35,6 +37,8 @@ pub struct Boxes {
     pub(super) occluded: BTreeSet<(usize, i64)>,
     /// Size of the pictures, which Label Studio's format needs.
     pub(super) size: Option<Size>,
+    /// Size of the pictures that the file states.
+    pub(super) stated: Option<Size>,
     /// Frames per second, if known.
     pub(super) rate: Option<f64>,
     /// Descriptions of the information that the input or output format does not hold.
@@ -66,6 +70,16 @@ impl Boxes {
     #[must_use]
     pub fn of_size(self, size: Option<Size>) -> Self {
         Self { size: size.or(self.size), ..self }
+    }
+
+    /// Returns the size of the pictures that the file states.
+    pub(crate) fn stated_size(&self) -> Option<Size> {
+        self.stated
+    }
+
+    /// Returns the number of frames of the video, as far as the file states it.
+    pub(crate) fn frames(&self) -> usize {
+        self.frames
     }
 
     /// Takes the notes on the file that was read: one sentence for each kind of information that is left out.
@@ -161,7 +175,7 @@ impl Boxes {
     pub(super) fn put_in_order(&mut self) -> std::result::Result<(), String> {
         let mut seen = BTreeSet::new();
         if let Some(b) = self.tracks.iter().find(|b| b.id >= 0 && !seen.insert((b.frame, b.id))) {
-            return Err(format!("frame {} has two boxes of the target {}; expected one", b.frame + 1, b.id));
+            return Err(twice(b.frame, b.id));
         }
         self.tracks.sort_by_key(|b| (b.frame, b.id));
         Ok(())
@@ -191,6 +205,28 @@ impl Boxes {
         let unsure = self.tracks.iter().filter(|b| b.confidence != 1.0).count();
         self.lose(unsure, "confidences other than 1 are left out");
     }
+}
+
+/// The problem with two boxes of one target in a frame (from 0).
+pub(super) fn twice(frame: usize, id: i64) -> String {
+    format!("frame {} has two boxes of the target {id}; expected one", frame + 1)
+}
+
+/// A side of a picture in JSON; other values than numbers are ignored.
+#[derive(Deserialize, Clone, Copy)]
+#[serde(untagged)]
+pub(super) enum Side {
+    Pixels(f64),
+    Other(IgnoredAny),
+}
+
+/// Returns the size of a picture whose sides are known.
+pub(super) fn size_of(width: Option<Side>, height: Option<Side>) -> Option<Size> {
+    let pixels = |side| match side {
+        Some(Side::Pixels(pixels)) if pixels >= 1.0 => Some(pixels as usize),
+        Some(Side::Pixels(_) | Side::Other(_)) | None => None,
+    };
+    Some(Size { width: pixels(width)?, height: pixels(height)? })
 }
 
 fn between(a: &BBox, b: &BBox, share: f64) -> BBox {

@@ -8,6 +8,7 @@ use foveate::{BBox, Error, Result, files, memory};
 use serde::de::{IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
+use super::boxes::{Side, size_of};
 use super::{Boxes, list};
 
 #[derive(Deserialize)]
@@ -30,6 +31,8 @@ struct Image {
     id: i64,
     /// Index of the frame in its video.
     frame_id: Option<i64>,
+    width: Option<Side>,
+    height: Option<Side>,
 }
 
 #[derive(Deserialize)]
@@ -97,8 +100,8 @@ impl<'de> Visitor<'de> for AnyValue {
 /// Bytes in memory for each of the text, at most: of an annotation with nothing but an image and a box.
 const PARSED: u64 = 8;
 
-/// A frame is the `frame_id` of its image; these count from 0, or from 1 if none is 0. If an image has no `frame_id`, the frames are the images
-/// in the order of their ids.
+/// A frame is the `frame_id` of its image; these count from 1 if the least is 1, as in files that [`write`] makes, and else
+/// from 0. If an image has no `frame_id`, the frames are the images in the order of their ids.
 pub(super) fn read(path: &Path) -> Result<Boxes> {
     let text = files::read_text(path, files::TEXT)?;
     memory::check(format_args!("{}: JSON of {} bytes", path.display(), text.len()), PARSED * text.len() as u64)?;
@@ -112,7 +115,7 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
     if let Some(pair) = order.windows(2).find(|pair| is_twice(pair)) {
         return Err(Error::malformed(path, format!("two images have the frame_id {}; expected one video", pair[0].0)));
     }
-    let first = i64::from(order.iter().all(|(frame_id, _)| *frame_id != 0));
+    let first = i64::from(order.first().is_some_and(|(frame_id, _)| *frame_id == 1));
     let mut frames: BTreeMap<i64, usize> = BTreeMap::new();
     for (rank, (frame_id, id)) in order.iter().enumerate() {
         let frame = if ordered { usize::try_from(frame_id.saturating_sub(first)) } else { Ok(rank) };
@@ -122,8 +125,9 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
         }
     }
     let length = frames.values().max().map_or(0, |last| last.saturating_add(1));
+    let size = file.images.iter().find_map(|image| size_of(image.width, image.height));
     let names: BTreeMap<i64, &str> = file.categories.iter().map(|c| (c.id, c.name.as_str())).collect();
-    let (mut boxes, mut unnamed) = (Boxes { frames: length, ..Boxes::default() }, 0);
+    let (mut boxes, mut unnamed) = (Boxes { frames: length, size, ..Boxes::default() }, 0);
     for (i, a) in file.annotations.iter().enumerate() {
         let wrong = |what: String| Error::malformed(path, format!("annotation {}: {what}", i + 1));
         let frame = *frames.get(&a.image_id).ok_or_else(|| wrong(format!("there is no image {}", a.image_id)))?;

@@ -10,6 +10,7 @@ use foveate::video::mot::TrackBox;
 use foveate::{BBox, Error, Result, files, memory};
 use roxmltree::{Document, Node};
 
+use super::boxes::twice;
 use super::{Boxes, KeyFrames, MOST};
 
 /// Estimated bytes of a parsed element with the text after it, and of an attribute.
@@ -64,7 +65,10 @@ pub(super) fn read(path: &Path) -> Result<Boxes> {
             let frame = frame(&shape).map_err(wrong)?;
             let inside = shape.attribute("outside") != Some("1");
             let bbox = inside.then_some(corners(&shape).map_err(wrong)?);
-            shapes.insert(frame, bbox);
+            let other = shapes.insert(frame, bbox).flatten();
+            if other.zip(bbox).is_some_and(|(other, bbox)| other != bbox) {
+                return Err(wrong(twice(frame, id)));
+            }
             occluded.insert(frame, shape.attribute("occluded") == Some("1"));
             if shape.attribute("keyframe") != Some("0") {
                 keys.insert(frame, bbox);
@@ -115,7 +119,7 @@ fn corners(node: &Node<'_, '_>) -> std::result::Result<BBox, String> {
 pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     boxes.lose_confidence();
     boxes.check_ids("CVAT for video")?;
-    let labels: BTreeMap<i64, String> = boxes.ids().into_iter().map(|id| (id, escape(&boxes.label(id)))).collect();
+    let labels: BTreeMap<i64, String> = boxes.ids().into_iter().map(|id| (id, attribute(&boxes.label(id)))).collect();
     let mut xml = format!(
         "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<annotations>\n  <version>1.1</version>\n  <meta><task>\n    <size>{}</size>\n    \
          <mode>interpolation</mode>\n    <labels>\n",
@@ -144,6 +148,12 @@ pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     }
     xml.push_str("</annotations>\n");
     files::write(path, xml.as_bytes())
+}
+
+/// Escapes a text for an attribute, in which readers take a line break or a tab for a space.
+fn attribute(text: &str) -> String {
+    let lines: Vec<String> = text.split('\r').map(escape).collect();
+    lines.join("&#13;").replace('\t', "&#9;").replace('\n', "&#10;")
 }
 
 fn shape(xml: &mut String, frame: usize, b: &BBox, outside: bool, occluded: bool) {

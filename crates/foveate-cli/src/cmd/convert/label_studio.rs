@@ -8,6 +8,7 @@ use foveate::{BBox, Error, Result, files, memory};
 use serde::Deserialize;
 use serde_json::json;
 
+use super::boxes::{Side, size_of, twice};
 use super::{Boxes, KeyFrames, MOST, list};
 
 /// Estimated bytes of memory per byte of the file.
@@ -44,6 +45,8 @@ struct Region {
     id: serde_json::Value,
     #[serde(rename = "type")]
     kind: String,
+    original_width: Option<Side>,
+    original_height: Option<Side>,
     #[serde(default)]
     value: Value,
 }
@@ -91,7 +94,8 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
     let last =
         |region: &&Region| region.value.sequence.iter().map(|key| key.frame).chain([region.value.frames_count]).max();
     let frames = tracks.iter().filter_map(last).max().unwrap_or(0).min(MOST);
-    let (mut boxes, mut turned) = (Boxes { frames, ..Boxes::default() }, 0);
+    let size = tracks.iter().find_map(|region| size_of(region.original_width, region.original_height));
+    let (mut boxes, mut turned) = (Boxes { frames, size, ..Boxes::default() }, 0);
     for (id, region) in ids(&tracks).into_iter().zip(&tracks) {
         let mut keys = KeyFrames::new();
         for key in &region.value.sequence {
@@ -105,7 +109,9 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
             let bbox = BBox::new(x, y, w, h);
             bbox.check().map_err(|e| wrong(&e.to_string()))?;
             turned += usize::from(key.rotation != 0.0);
-            keys.insert(key.frame - 1, Some(bbox));
+            if keys.insert(key.frame - 1, Some(bbox)).flatten().is_some_and(|other| other != bbox) {
+                return Err(Error::malformed(path, twice(key.frame - 1, id)));
+            }
             if !key.enabled && (region.value.frames_count == 0 || key.frame < region.value.frames_count) {
                 keys.entry(key.frame).or_insert(None);
             }
@@ -121,12 +127,13 @@ pub(super) fn read(path: &Path, size: Option<Size>) -> Result<Boxes> {
     Ok(boxes)
 }
 
-/// The ids that [`write`] gave to the regions or, if a region has none or two have the same, 1, 2, ...
+/// The ids that [`write`] gave to the regions. A region without one, or with that of an earlier region, gets the next unused number from 1.
 fn ids(regions: &[&Region]) -> Vec<i64> {
     let own = |region: &&Region| region.id.as_str()?.strip_prefix(REGION)?.parse().ok().filter(|id: &i64| *id >= 0);
-    let ids: Vec<i64> = regions.iter().filter_map(own).collect();
-    let all = ids.len() == regions.len() && ids.iter().collect::<BTreeSet<_>>().len() == ids.len();
-    if all { ids } else { (1..).take(regions.len()).collect() }
+    let mut used = BTreeSet::new();
+    let kept: Vec<Option<i64>> = regions.iter().map(|region| own(region).filter(|id| used.insert(*id))).collect();
+    let mut unused = (1..).filter(|id| !used.contains(id));
+    kept.into_iter().filter_map(|id| id.or_else(|| unused.next())).collect()
 }
 
 fn sized(path: &Path, size: Option<Size>) -> Result<Size> {

@@ -9,7 +9,8 @@ use foveate::{Error, Result, files};
 use super::Boxes;
 
 /// Writes a folder with `000001.txt` and so on, one file per image, empty if there is no box. Boxes are clipped to the image, because
-/// readers of YOLO's labels refuse other boxes. Returns one sentence for each kind of information that the format does not hold.
+/// readers of YOLO's labels refuse other boxes. Label files of later frames in the folder, which a longer video left, are removed. Returns
+/// one sentence for each kind of information that the format does not hold.
 ///
 /// # Errors
 /// The size is 0, or the folder cannot be written.
@@ -42,5 +43,42 @@ pub fn write(mut boxes: Boxes, size: Size, folder: &Path) -> Result<Vec<String>>
     for (frame, text) in texts.iter().enumerate() {
         files::write(folder.join(format!("{:06}.txt", frame + 1)), text.as_bytes())?;
     }
+    remove_after(boxes.frames, folder).map_err(Error::io(folder, "cannot remove labels of a longer video"))?;
     Ok(boxes.lost)
+}
+
+/// Removes the label files of the frames after the last one.
+fn remove_after(frames: usize, folder: &Path) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(folder)? {
+        let (entry, last) = (entry?, frames as u128);
+        let name = entry.file_name();
+        let number = name.to_str().and_then(|name| name.strip_suffix(".txt"));
+        let number = number.filter(|digits| digits.len() >= 6 && digits.bytes().all(|byte| byte.is_ascii_digit()));
+        let is_later = number.and_then(|digits| digits.parse().ok()).is_some_and(|number: u128| number > last);
+        if is_later && entry.file_type()?.is_file() {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_of_a_longer_video_are_removed() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let others = ["00003.txt", "classes.txt", "000009.txt.bak", "+000009.txt", "000009.jpg"];
+        let old = ["000001.txt", "000003.txt", "1000000.txt"];
+        others.iter().chain(&old).for_each(|name| std::fs::write(dir.path().join(name), "old").expect("written"));
+        let boxes = Boxes::new(vec![], 2).expect("no boxes");
+        write(boxes, Size::new(64, 48), dir.path()).expect("written");
+        let names = std::fs::read_dir(dir.path()).expect("a folder").map(|entry| entry.expect("a file").file_name());
+        let mut names: Vec<_> = names.map(|name| name.into_string().expect("text")).collect();
+        names.sort_unstable();
+        let mut expected = [&others[..], &["000001.txt", "000002.txt"]].concat();
+        expected.sort_unstable();
+        assert_eq!(names, expected);
+    }
 }
