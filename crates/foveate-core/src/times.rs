@@ -30,8 +30,8 @@ impl Default for Times {
 
 impl Times {
     /// Takes the time of the next picture, seconds, and counts the frames that were dropped before it: the interval in units of the usual
-    /// one, in whole numbers, less 1. A time that is not finite or does not increase starts a new series; one that goes back is of another video,
-    /// whose usual interval is not known.
+    /// one, in whole numbers, less 1. A time that is not finite or does not increase starts a new series. One that goes back is of another
+    /// video, whose usual interval is not known.
     pub(crate) fn advance(&mut self, time: f64) {
         let interval = self.last.map_or(f64::NAN, |last| time - last);
         self.last = time.is_finite().then_some(time);

@@ -90,8 +90,8 @@ impl Tracks {
         Ok(json!({}))
     }
 
-    /// Tracks up to this number of frames; stops after the first one when `enough` returns true. Targets that are behind catch up first, so that all
-    /// targets get a frame while it is available.
+    /// Tracks up to this number of frames; stops after the first one when `enough` returns true. Targets that are behind catch up first, so
+    /// that all targets get a frame while it is available.
     ///
     /// # Errors
     /// There is no target, or as [`Tracking::step`] if nothing was tracked. Otherwise the error is part of the answer.

@@ -26,8 +26,8 @@ foveate_base::settings! {
     /// How the covariance of the reported place follows from [`PlaceEvidence`]: g (`belief` · Σ + `borders` · diag(e²) + `pixels`² I) +
     /// (`lone` · unit)² / ESS³ I + `speed`² m mᵀ, with the belief's covariance Σ, the expected errors e of the box regression and the
     /// displacement m since the last frame: how far the target moved while the picture was exposed, and so its blur, is unknown.
-    /// g is 1, or with `sharp` above 0: r¹² / (r¹² + `sharp`¹²) for the root mean square r of e over the mean half side. True boxes of real video are
-    /// inexact, and those of such sharp targets are not.
+    /// g is 1, or with `sharp` above 0: r¹² / (r¹² + `sharp`¹²) for the root mean square r of e over the mean half side. True boxes of real
+    /// video are inexact, and those of such sharp targets are not.
     #[derive(Copy)]
     pub struct Localisation in "confidence.localisation" {
         /// Factor of the covariance of the particles' positions, 0 to 100.
