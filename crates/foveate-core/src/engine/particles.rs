@@ -104,11 +104,12 @@ impl Particles {
     }
 }
 
-/// Returns the mean of states with these log weights, which are equal after resampling.
+/// Returns the mean of states with these log weights, which need not be normalised.
 pub(super) fn mean(states: &[State], log_weights: &[f64]) -> State {
-    let even = log_weights.iter().all(|w| *w == log_weights[0]).then_some(1.0 / states.len() as f64);
+    let most = log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let total: f64 = log_weights.iter().map(|w| (w - most).exp()).sum();
     let sum = states.iter().zip(log_weights).fold([0.0; State::N], |mut sum, (s, w)| {
-        let weight = even.unwrap_or_else(|| w.exp());
+        let weight = (w - most).exp() / total;
         sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += weight * x);
         sum
     });

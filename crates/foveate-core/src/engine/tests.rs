@@ -120,6 +120,7 @@ fn without_a_look_the_prediction_is_the_belief() {
     let mean = |weights: [f64; 2]| super::particles::mean(&[state(40.0), state(80.0)], &weights.map(f64::ln)).x;
     close(mean([0.5, 0.5]), 60.0);
     close(mean([0.9, 0.1]), 44.0);
+    close(super::particles::mean(&[state(40.0), state(80.0)], &[1e19, 0.0]).x, 40.0);
 }
 
 /// The estimate moves from where the last one was, which is the expected place less its velocity.
