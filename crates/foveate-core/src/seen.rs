@@ -101,7 +101,7 @@ pub struct Seen<'a> {
     pub detected_class: Option<usize>,
     /// The most likely class over all frames so far and its probability; `None` without a recogniser.
     pub class: Option<(usize, f64)>,
-    /// P(lost) without the second tracker, which the filter acts on.
+    /// P(lost) without the second tracker, which decides when to search and what to learn.
     pub own_p_lost: f64,
     /// The evidence from which P(lost) follows.
     pub cues: Cues,
