@@ -4,7 +4,7 @@ use super::particles::{Particles, mean};
 use super::target::Estimate;
 use super::waiting::Waiting;
 use crate::control::{
-    Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling,
+    Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling, normalize,
 };
 use crate::geometry::{Covariance, Extent, State};
 use crate::saved_state::{Valid, Validate, ensure};
@@ -174,7 +174,9 @@ impl Filter {
             .for_each(|(importance, carried)| *importance += carried);
         let weigh = |it: &DetectionLikelihood| it.weigh(scene.detections, &to.states, extent, &mut to.log_importance);
         to.detection_offset = self.detection_likelihood.as_ref().map_or(0.0, weigh);
-        to.expected = mean(&to.states, &self.state.log_weights);
+        to.weights.resize(n, 0.0);
+        normalize(&self.state.log_weights, &mut to.weights);
+        to.expected = mean(&to.states, &to.weights);
         to.dropped = dropped;
         if let Some(held) = held.filter(|_| !self.uses_detections()) {
             to.hold_size(held);

@@ -104,12 +104,9 @@ impl Particles {
     }
 }
 
-/// Returns the mean of states with these log weights, which need not be normalised.
-pub(super) fn mean(states: &[State], log_weights: &[f64]) -> State {
-    let most = log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let total: f64 = log_weights.iter().map(|w| (w - most).exp()).sum();
-    let sum = states.iter().zip(log_weights).fold([0.0; State::N], |mut sum, (s, w)| {
-        let weight = (w - most).exp() / total;
+/// Returns the mean of states with these weights, which sum to 1.
+pub(super) fn mean(states: &[State], weights: &[f64]) -> State {
+    let sum = states.iter().zip(weights).fold([0.0; State::N], |mut sum, (s, weight)| {
         sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += weight * x);
         sum
     });

@@ -125,8 +125,8 @@ impl Engine {
         State { log_scale, log_aspect: log_aspect.clamp(-MOST_ASPECT, MOST_ASPECT), ..State::of(bbox) }
     }
 
-    /// Returns how similar a place, in the shape of the template, is to the target: 1 for the similarity of its own place in its first frame, 0 for that of other places.
-    /// It is the best of nine places around the given one. The track does not change. Panics before [`Engine::init`].
+    /// Returns how similar a place, in the shape of the template, is to the target: 1 for the similarity of its own place in its first frame,
+    /// 0 for that of other places. It is the best of nine places around the given one. The track does not change. Panics before [`Engine::init`].
     pub(crate) fn similarity(&mut self, image: &Image, state: &State) -> f64 {
         let extent = self.target().extent;
         let state = &State { log_aspect: 0.0, ..*state };

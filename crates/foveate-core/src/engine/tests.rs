@@ -117,10 +117,18 @@ fn without_a_look_the_prediction_is_the_belief() {
     belief.weigh_without_looks();
     close(belief.weights[0], 0.9);
     close(belief.weights[1], 0.1);
-    let mean = |weights: [f64; 2]| super::particles::mean(&[state(40.0), state(80.0)], &weights.map(f64::ln)).x;
-    close(mean([0.5, 0.5]), 60.0);
-    close(mean([0.9, 0.1]), 44.0);
-    close(super::particles::mean(&[state(40.0), state(80.0)], &[1e19, 0.0]).x, 40.0);
+    let mean = |log_weights: [f64; 2]| {
+        let mut filter = Filter::new(parts(Toy::at(50.0)).filter.proposal, 2).expect("two");
+        filter.state.particles = vec![state(40.0), state(80.0)];
+        filter.state.log_weights = log_weights.into();
+        let (image, streams) = (picture(), Streams::new(1, 0));
+        let scene = Scene { image: &image, detections: &[] };
+        let belief = filter.predict(scene, EXTENT, None, (streams, 1), Particles::default());
+        (belief.expected.x - belief.states[0].x) / (belief.states[1].x - belief.states[0].x)
+    };
+    close(mean([0.5f64.ln(); 2]), 0.5);
+    close(mean([0.9f64.ln(), 0.1f64.ln()]), 0.1);
+    close(mean([1e19, 0.0]), 0.0);
 }
 
 /// The estimate moves from where the last one was, which is the expected place less its velocity.
