@@ -219,7 +219,8 @@ def main():
     args.add_argument("--out", default="out-variants", help="folder for the variants")
     args.add_argument("--redrawn", action="store_true", help="make those marked so, too, which needs OpenCV: 2.2 GB")
     args = args.parse_args()
-    for truth in sorted(glob.glob(f"{args.data}/tracking*/*/groundtruth_rect*.txt")):
+    truths = [glob.glob(f"{args.data}/{sequences}/*/groundtruth_rect*.txt") for sequences in ("tracking", "tracking-wide")]
+    for truth in sorted(sum(truths, [])):
         folder = os.path.dirname(truth)
         name = os.path.basename(folder) + os.path.basename(truth)[len("groundtruth_rect"):-len(".txt")].replace(".", "-")
         pictures = sorted(glob.glob(f"{folder}/img/*"))
