@@ -75,7 +75,7 @@ pub struct MultiTracker {
     /// Numbers of the present picture, from 0, and of the next.
     frame: usize,
     next: usize,
-    /// Whether the state was loaded since the last update: skipped pictures were counted before then.
+    /// Whether the state was loaded, and no picture came since: the planes are unknown, and a skipped picture was counted.
     resumed: bool,
     size: Option<Size>,
     /// Width, height and planes of the last picture.
@@ -256,11 +256,14 @@ impl MultiTracker {
         self.publish();
     }
 
-    /// Shows a picture without tracking to the detector and the camera motion, which compare pictures: one before the first update, or
-    /// before the first update after [`MultiTracker::load`].
+    /// Shows a picture without tracking to the detector and the camera motion, which compare pictures. It counts as a frame, but for the
+    /// first after [`MultiTracker::load`]: that is the last one before the state was saved.
     pub fn skip(&mut self, image: &Image) {
         self.preprocessor.look(image);
-        self.next += usize::from(!self.resumed);
+        match std::mem::take(&mut self.resumed) {
+            true => self.shape = image.shape(),
+            false => self.next += 1,
+        }
     }
 
     /// Returns all active targets of the last picture, by id. The boxes of targets in the phase [`Phase::Lost`] are guesses.
