@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use foveate::scene::Image;
 use foveate::video::{Mp4Writer, encode_jpeg, encode_png};
-use place::Place;
+use place::{PROGRAM, Place, errors};
 
 /// The limit given to the program, and its allowed resident memory.
 const ALLOWED: &str = "200M";
@@ -104,23 +104,22 @@ fn claiming(frames: u32, path: &Path) -> Vec<u8> {
 #[test]
 fn nothing_that_is_asked_for_is_taken_first() {
     let place = Place::new();
-    let write = |name: &str, bytes: &[u8]| std::fs::write(place.path(name), bytes).expect("a writable folder");
     let refused = |args: &[&str], word: &str| {
         let (well, said) = bounded(&place, args);
         assert!(!well && said.contains(word), "{args:?}: {said}");
     };
     for (name, bytes) in claims() {
-        write(name, &bytes);
+        place.write(name, &bytes);
         refused(&["track", name, "--init", "1,1,9,9"], "20.0 GiB");
         refused(&["look", name, "--map", "saliency"], "20.0 GiB");
     }
-    write("claims.y4m", b"YUV4MPEG2 W16384 H16384 F30:1\nFRAME\n");
+    place.write("claims.y4m", b"YUV4MPEG2 W16384 H16384 F30:1\nFRAME\n");
     refused(&["track", "claims.y4m", "--init", "1,1,9,9"], "20.0 GiB");
-    write("claims.raw", &[0; 100]);
+    place.write("claims.raw", [0; 100]);
     refused(&["track", "claims.raw", "--raw", "16384x16384", "--init", "1,1,9,9"], "20.0 GiB");
 
     let sparse = |name: &str, head: &[u8], len: u64| {
-        write(name, head);
+        place.write(name, head);
         let file = std::fs::OpenOptions::new().write(true).open(place.path(name)).expect("it was written");
         file.set_len(len).expect("room for a hole");
     };
@@ -132,38 +131,38 @@ fn nothing_that_is_asked_for_is_taken_first() {
 
     let shape = |frame: u32| format!("<box frame=\"{frame}\" xtl=\"1\" ytl=\"1\" xbr=\"9\" ybr=\"9\"/>");
     let track = format!("<track id=\"1\">{}{}</track>", shape(0), shape(99_999));
-    write("cvat.xml", format!("<annotations>{}</annotations>", track.repeat(1000)).as_bytes());
+    place.write("cvat.xml", format!("<annotations>{}</annotations>", track.repeat(1000)));
     refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "600000 boxes");
     // What can be read can be written.
     let track = format!("<track id=\"1\">{}{}</track>", shape(0), shape(149_999));
-    write("cvat.xml", format!("<annotations>{track}</annotations>").as_bytes());
+    place.write("cvat.xml", format!("<annotations>{track}</annotations>"));
     for to in ["coco", "label-studio"] {
         let (well, said) =
             bounded(&place, &["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", to, "--size", "64x48"]);
         assert!(well, "{said}");
     }
-    write("cvat.xml", format!("<annotations>{}</annotations>", "<a/>".repeat(8_000_000)).as_bytes());
+    place.write("cvat.xml", format!("<annotations>{}</annotations>", "<a/>".repeat(8_000_000)));
     refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "XML of 8000003 elements");
     let attributes: String = (0..300_000).map(|i| format!("a{i}=\"\" ")).collect();
-    write("cvat.xml", format!("<annotations><a {attributes}/></annotations>").as_bytes());
+    place.write("cvat.xml", format!("<annotations><a {attributes}/></annotations>"));
     refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "300000 attributes");
     let box_of = |rest: &str| format!("{{\"image_id\":1,\"bbox\":[1,1,9,9]{rest}}}");
     let coco = |annotations: &str| format!("{{\"images\":[{{\"id\":1}}],\"annotations\":[{annotations}]}}");
-    write("coco.json", coco(&vec![box_of(""); 2_000_000].join(",")).as_bytes());
+    place.write("coco.json", coco(&vec![box_of(""); 2_000_000].join(",")));
     refused(&["convert", "coco.json", "out.txt", "--from", "coco", "--to", "mot"], "JSON of");
     let outline = format!(",\"segmentation\":[{}[]]", "[],".repeat(7_000_000));
-    write("coco.json", coco(&box_of(&outline)).as_bytes());
+    place.write("coco.json", coco(&box_of(&outline)));
     let (well, said) = bounded(&place, &["convert", "coco.json", "out.txt", "--from", "coco", "--to", "mot"]);
     assert!(well && said.contains("segmentations are left out"), "{said}");
-    write("blank.txt", &["\n".repeat(20_000_000).as_bytes(), b"1,2,3,4\n"].concat());
+    place.write("blank.txt", ["\n".repeat(20_000_000).as_bytes(), b"1,2,3,4\n"].concat());
     for format in ["otb", "vot"] {
         refused(&["convert", "blank.txt", "out.json", "--from", format, "--to", "coco"], "20000001 lines");
     }
-    write("det.txt", b"1000000000,-1,10,10,20,20,1\n");
+    place.write("det.txt", b"1000000000,-1,10,10,20,20,1\n");
     refused(&["track", "video", "--detections", "det.txt"], "none of its 1 boxes counts");
     refused(&["convert", "det.txt", "out.json", "--from", "mot", "--to", "coco"], "1000000000");
     let boxes: String = (0..10_000).map(|i| format!("1,{},{},{},20,20,1\n", i + 1, 1 + i % 90, 1 + i / 90)).collect();
-    write("inits.txt", boxes.as_bytes());
+    place.write("inits.txt", boxes);
     refused(&["track", "video", "--inits", "inits.txt"], "10000 targets");
     refused(&["track", "video", "--set", "particles=1000000"], "1000000 of them");
     let train = ["train", "rbm", "--data", "video/img", "--out", "m.safetensors", "--set"];
@@ -177,9 +176,9 @@ fn nothing_that_is_asked_for_is_taken_first() {
     let state = |next: u64, tracker: &str| {
         format!("{{\"next_frame\":{next},\"source\":\"v\",\"size\":[9,9],\"tracker\":[{tracker}0]}}")
     };
-    write("state.json", state(1, &"0,".repeat(30_000_000)).as_bytes());
+    place.write("state.json", state(1, &"0,".repeat(30_000_000)));
     refused(&["track", "video", "--load-state", "state.json"], "a state of 60000056 bytes would take");
-    write("state.json", state(u64::MAX, "").as_bytes());
+    place.write("state.json", state(u64::MAX, ""));
     refused(&["track", "video", "--load-state", "state.json"], "18446744073709551615 frames");
 
     // Inputs without end.
@@ -197,7 +196,7 @@ fn nothing_that_is_asked_for_is_taken_first() {
     std::os::unix::fs::symlink(zero, place.path("zeros/img/1.png")).expect("a link");
     std::os::unix::fs::symlink(zero, place.path("truth.txt")).expect("a link");
     let weights = place::CONFIG.replace("kind = \"raw\"", "kind = \"rbm\"\nweights = \"/dev/zero\"");
-    write("weights.toml", weights.as_bytes());
+    place.write("weights.toml", weights);
     refused(&["track", zero, "--init", "1,1,9,9"], "yuv4mpeg");
     refused(&["track", "zeros", "--init", "1,1,9,9"], "not a regular file");
     refused(&["track", "video", "-c", "weights.toml"], "not a regular file");
@@ -210,7 +209,7 @@ fn nothing_that_is_asked_for_is_taken_first() {
     refused(&["eval", "--seqs", "video", "--out", "e"], "not a regular file");
 
     // Small requests succeed.
-    write("profile.png", &profiled());
+    place.write("profile.png", profiled());
     let (well, said) = bounded(&place, &["look", "profile.png", "--map", "saliency"]);
     assert!(well, "{said}");
     let (well, said) = bounded(&place, &["track", "video", "-c", "c.toml", "--init", "50,60,28,28", "-o", "o"]);
@@ -222,17 +221,16 @@ fn nothing_that_is_asked_for_is_taken_first() {
 #[test]
 fn threads_and_memory_that_are_not_given_are_no_panic() {
     let place = Place::new();
-    let program = place.command(&[]).get_program().to_owned();
     let shell = "ulimit -v $0 && exec timeout 30 \"$@\"";
     let (mut done, mut refused) = (0, 0);
     for kilobytes in (40_000..=120_000u64).step_by(4_000).chain([2_000_000]) {
         let _ = std::fs::remove_dir_all(place.path("o"));
         let limit = kilobytes.to_string();
         let mut command = std::process::Command::new("bash");
-        command.current_dir(place.path("")).env("RUST_BACKTRACE", "0").args(["-c", shell, &limit]).arg(&program);
+        command.current_dir(place.path("")).env("RUST_BACKTRACE", "0").args(["-c", shell, &limit, PROGRAM]);
         command.args(["track", "video", "-c", "c.toml", "--init", "50,60,28,28", "-o", "o", "--threads", "3"]);
         let output = command.output().expect("bash");
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let said = errors(&output);
         assert!(!said.contains("panicked"), "{kilobytes} kB: {said}");
         assert!(![Some(101), Some(124)].contains(&output.status.code()), "{kilobytes} kB: {}, {said}", output.status);
         let lines = std::fs::read_to_string(place.path("o/boxes.txt")).map_or(0, |text| text.lines().count());

@@ -12,7 +12,7 @@ mod writer;
 
 use foveate::BBox;
 use foveate::video::{mot::Tracks, open};
-use place::{CONFIG, FRAMES, Place, errors};
+use place::{CONFIG, FRAMES, Place, errors, json};
 
 /// A box in the middle of the input, and a weaker one of class 1 left of it; (1, 6, 7).
 fn detector() -> Vec<u8> {
@@ -25,12 +25,10 @@ fn detector() -> Vec<u8> {
 #[test]
 fn a_network_detects() {
     let place = Place::new();
-    std::fs::write(place.path("d.onnx"), detector()).expect("a writable folder");
+    place.write("d.onnx", detector());
     let message = |args: &[&str]| {
         let all = [&["video", "--detect", "onnx:d.onnx", "--json", "--save-detections", "d.txt"][..], args].concat();
-        let output = place.track("many", &all);
-        assert!(output.status.success(), "{}", errors(&output));
-        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        let summary = json(&place.tracked("many", &all));
         (summary, Tracks::read(place.path("d.txt")).expect("just written").sightings)
     };
     let (summary, found) = message(&[]);
@@ -76,17 +74,17 @@ fn a_network_encodes() {
     let place = Place::new();
     std::fs::create_dir(place.path("models")).expect("a writable folder");
     let with = |encoder: &str| CONFIG.replace("kind = \"raw\"", encoder);
-    std::fs::write(place.path("c.toml"), with("kind = \"raw\"\nstandardise = false")).expect("a writable folder");
+    place.write("c.toml", with("kind = \"raw\"\nstandardise = false"));
     let raw = place.boxes("raw", &["video"]);
     let onnx = with("kind = \"onnx\"\nmodel = \"a.onnx\"");
-    std::fs::write(place.path("models/c.toml"), &onnx).expect("a writable folder");
+    place.write("models/c.toml", &onnx);
     // Of any retina, one glimpse a row.
-    std::fs::write(place.path("models/a.onnx"), networks::identity(&[0, 0])).expect("a writable folder");
-    let track = || place.run(&["track", "video", "-c", "models/c.toml", "--no-video", "--no-report", "-o", "onnx"]);
+    place.write("models/a.onnx", networks::identity(&[0, 0]));
+    let track = || place.run(["track", "video", "-c", "models/c.toml", "--no-video", "--no-report", "-o", "onnx"]);
     let output = track();
     assert!(output.status.success(), "{}", errors(&output));
     assert_eq!(place.read("onnx/boxes.txt"), raw);
-    std::fs::write(place.path("models/a.onnx"), networks::identity(&[0, 3, 32, 32])).expect("a writable folder");
+    place.write("models/a.onnx", networks::identity(&[0, 3, 32, 32]));
     let output = track();
     let error = errors(&output);
     assert!(!output.status.success() && error.contains("a.onnx") && error.contains("(N, 3, 32, 32)"), "{error}");

@@ -5,7 +5,10 @@
 //! With `FOVEATE_STRICT=1` the test fails instead.
 #![forbid(unsafe_code)]
 
+mod digits;
 pub mod fall;
+
+pub use digits::write_digits;
 
 use std::fs::File;
 use std::io::Write as _;

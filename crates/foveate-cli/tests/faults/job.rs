@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::place::{Place, errors};
+use super::place::{Place, done, errors};
 
 pub(crate) type Files = BTreeMap<String, Vec<u8>>;
 
@@ -39,18 +39,18 @@ fn is_whole(name: &str, bytes: &[u8], wanted: &[u8], again: &[u8]) -> bool {
 
 pub(crate) struct Job {
     pub place: Place,
-    pub args: &'static [&'static str],
+    pub args: Vec<String>,
     /// The output of whole runs; only times differ between them.
     wanted: Files,
     again: Files,
 }
 
 impl Job {
-    pub(crate) fn new(place: Place, args: &'static [&'static str]) -> Self {
+    pub(crate) fn new(place: Place, args: impl IntoIterator<Item: AsRef<str>>) -> Self {
+        let args = args.into_iter().map(|arg| arg.as_ref().to_owned()).collect();
         let mut job = Self { place, args, wanted: Files::new(), again: Files::new() };
         for _ in 0..2 {
-            let output = job.command().output().expect("it starts");
-            assert!(output.status.success(), "{args:?}: {}", errors(&output));
+            done(&mut job.command());
             let results = job.results();
             job.wanted = std::mem::replace(&mut job.again, results);
             job.clear();
@@ -61,7 +61,7 @@ impl Job {
 
     /// The program, which finds no data but its own.
     fn command(&self) -> Command {
-        let mut command = self.place.command(self.args);
+        let mut command = self.place.command(&self.args);
         command.env("FOVEATE_DATA", ".");
         command
     }

@@ -14,58 +14,23 @@ use std::process::Stdio;
 use job::{Job, files};
 use place::{Place, errors};
 
-/// Digits that are rectangles, as IDX files, for training.
-fn digits(place: &Place) {
-    std::fs::create_dir(place.path("data")).expect("a new folder");
-    let n = 60u32;
-    let mut images = [2051, n, 28, 28].map(u32::to_be_bytes).concat();
-    let mut labels = [2049, n].map(u32::to_be_bytes).concat();
-    for i in 0..n {
-        let inside = |p: u32| (4 + i % 7..20 + i % 5).contains(&(p % 28)) && (6..14 + i % 11).contains(&(p / 28));
-        images.extend((0..784).map(|p| if inside(p) { 255 } else { 0 }));
-        labels.push((i % 10) as u8);
-    }
-    std::fs::write(place.path("data/train-images-idx3-ubyte"), images).expect("a writable folder");
-    std::fs::write(place.path("data/train-labels-idx1-ubyte"), labels).expect("a writable folder");
-}
-
 fn track() -> Job {
-    Job::new(
-        Place::new(),
-        &["track", "video", "-c", "c.toml", "--until", "3", "-o", "out", "--save-state", "out.json", "--threads", "1"],
-    )
+    let args = "track video -c c.toml --until 3 -o out --save-state out.json --threads 1";
+    Job::new(Place::new(), args.split(' '))
 }
 
 fn train() -> Job {
     let place = Place::new();
-    digits(&place);
-    Job::new(
-        place,
-        &[
-            "train",
-            "rbm",
-            "--data",
-            "data",
-            "--recipe",
-            "digits",
-            "--set",
-            "training.hidden=8",
-            "--set",
-            "training.epochs=3",
-            "--set",
-            "glimpses.number=200",
-            "--set",
-            "glimpses.held_out=20",
-            "--out",
-            "out.safetensors",
-            "--threads",
-            "1",
-        ],
-    )
+    std::fs::create_dir(place.path("data")).expect("a new folder");
+    let inside = |i, x, y| (4 + i % 7..20 + i % 5).contains(&x) && (6..14 + i % 11).contains(&y);
+    foveate_testing::write_digits(&place.path("data"), "train", 60, 10, inside);
+    let args = "train rbm --data data --recipe digits --set training.hidden=8 --set training.epochs=3 --set glimpses.number=200 \
+                --set glimpses.held_out=20 --out out.safetensors --threads 1";
+    Job::new(place, args.split(' '))
 }
 
 fn eval() -> Job {
-    Job::new(Place::new(), &["eval", "--seqs", "video", "--config", "c.toml", "--out", "out", "--threads", "1"])
+    Job::new(Place::new(), "eval --seqs video --config c.toml --out out --threads 1".split(' '))
 }
 
 #[test]
@@ -82,7 +47,7 @@ fn each_failure_of_a_run_leaves_everything_whole() {
 fn an_output_that_fails_ends_alone() {
     let place = Place::new();
     let run = |out: &str, fault: Option<&str>| {
-        let mut command = place.command(&["track", "video", "-c", "c.toml", "-o", out, "--trace", "--no-report"]);
+        let mut command = place.command(["track", "video", "-c", "c.toml", "-o", out, "--trace", "--no-report"]);
         command.envs(fault.map(|fault| ("FOVEATE_FAULT", fault)));
         command.output().expect("it starts")
     };
@@ -120,7 +85,7 @@ fn a_live_run_on_a_full_disk_keeps_its_lines() {
     let frame = 64 * 48;
     let run = |out: &str, fault: &str, bytes: usize| {
         let args = ["track", "-", "--raw", "64x48", "--pix", "gray", "--init", "9,9,20,20", "-c", "c.toml", "-o", out];
-        let mut command = place.command(&[&args[..], &["--no-video", "--no-report"]].concat());
+        let mut command = place.command([&args[..], &["--no-video", "--no-report"]].concat());
         command.env("FOVEATE_FAULT", fault).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("it starts");
         let pixels: Vec<u8> = (0..bytes).map(|i| (i % frame * 37 % 251) as u8).collect();

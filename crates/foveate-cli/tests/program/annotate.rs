@@ -10,8 +10,7 @@ const FRAMES: usize = 100;
 /// A drawn scene, with its true boxes.
 fn scene() -> (Place, Vec<BBox>) {
     let place = Place::new();
-    let args = ["synth", "clutter", "--frames", "100", "--out", "scene"];
-    assert!(place.run(&args).status.success());
+    place.done(["synth", "clutter", "--frames", "100", "--out", "scene"]);
     let truth = read_boxes(place.path("scene/groundtruth_rect.txt")).expect("it was written");
     (place, truth.into_iter().map(|bbox| bbox.expect("always in the picture")).collect())
 }
@@ -19,13 +18,12 @@ fn scene() -> (Place, Vec<BBox>) {
 /// Writes the true boxes of some frames as key frames.
 fn write_keys(place: &Place, name: &str, truth: &[BBox], keys: &[usize]) {
     let boxes: Vec<Option<BBox>> = (0..truth.len()).map(|t| keys.contains(&t).then(|| truth[t])).collect();
-    std::fs::write(place.path(name), format_truth(&boxes)).expect("a writable folder");
+    place.write(name, format_truth(&boxes));
 }
 
 fn annotate(place: &Place, keys: &str, out: &str, more: &[&str]) -> Vec<Option<BBox>> {
     let args = ["annotate", "scene", "--keyframes", keys, "--format", "otb", "--out", out, "--config", "digits"];
-    let run = place.run(&[&args[..], more].concat());
-    assert!(run.status.success(), "{}", errors(&run));
+    place.done([&args[..], more].concat());
     read_boxes(place.path(&format!("{out}/boxes.txt"))).unwrap_or_default()
 }
 
@@ -50,9 +48,9 @@ fn key_frames_are_exact_and_the_others_are_tracked() {
         BBox::new(at(truth[a].x, truth[b].x), at(truth[a].y, truth[b].y), truth[a].w, truth[a].h).iou(&truth[t])
     };
     assert!(mean > (0..FRAMES).map(straight).sum::<f64>() / FRAMES as f64 + 0.1);
-    let check = String::from_utf8(place.read("out/check.csv")).expect("text");
+    let check = place.text("out/check.csv");
     assert!(check.starts_with("rank,frame,id,expected_iou,gain,mean_after,least_after\n1,"), "{check}");
-    let page = String::from_utf8(place.read("out/check.html")).expect("text");
+    let page = place.text("out/check.html");
     assert!(page.contains("Expected mean IoU") && page.contains("stroke=\"var(--target)\""));
     assert!(page.contains("No correction is needed") && page.contains("<p>None.") && !page.contains("image/jpeg"));
 }
@@ -63,7 +61,7 @@ fn the_page_shows_the_frames_that_need_a_correction() {
     write_keys(&place, "keys.txt", &truth, &[99]);
     // A few particles lose the target on the way back.
     annotate(&place, "keys.txt", "out", &["--set", "particles=3"]);
-    let page = String::from_utf8(place.read("out/check.html")).expect("text");
+    let page = place.text("out/check.html");
     let shown = page.matches("data:image/jpeg;base64,").count();
     let said = page.split("After the ").nth(1).expect("corrections are needed").trim_start_matches("first ");
     let needed = if said.starts_with("correction") {
@@ -120,22 +118,19 @@ fn a_target_out_of_the_picture_has_no_boxes_and_keeps_its_label() {
         shape(10, 1),
         shape(20, 0)
     );
-    std::fs::write(place.path("task.xml"), xml).expect("a writable folder");
+    place.write("task.xml", xml);
     let args = ["annotate", "scene", "--keyframes", "task.xml", "--format", "cvat", "--config", "digits"];
-    let run = place.run(&[&args[..], &["--out", "cvat"]].concat());
-    assert!(run.status.success(), "{}", errors(&run));
-    let xml = String::from_utf8(place.read("cvat/boxes.xml")).expect("text");
+    place.done([&args[..], &["--out", "cvat"]].concat());
+    let xml = place.text("cvat/boxes.xml");
     assert!(xml.contains("<track id=\"3\" label=\"digit &amp; co\"") && xml.contains("<size>100</size>"), "{xml}");
     let outside: Vec<&str> = xml.lines().filter(|line| line.contains("outside=\"1\"")).collect();
     assert!(outside.len() == 1 && outside[0].contains("frame=\"10\""), "{outside:?}");
     for (to, file) in
         [("viame", "boxes.csv"), ("label-studio", "boxes.json"), ("coco", "boxes.json"), ("mot", "boxes.txt")]
     {
-        let run = place.run(&[&args[..], &["--to", to, "--out", to]].concat());
-        assert!(run.status.success(), "{to}: {}", errors(&run));
+        place.done([&args[..], &["--to", to, "--out", to]].concat());
         let back = ["convert", &format!("{to}/{file}"), &format!("{to}.xml"), "--from", to, "--to", "cvat"];
-        let back = place.run(&[&back[..], &["--size", "250x200"]].concat());
-        assert!(back.status.success(), "{to}: {}", errors(&back));
+        place.done([&back[..], &["--size", "250x200"]].concat());
     }
 }
 
@@ -143,7 +138,7 @@ fn a_target_out_of_the_picture_has_no_boxes_and_keeps_its_label() {
 #[test]
 fn key_frames_of_another_video_are_reported() {
     let place = Place::new();
-    assert!(place.run(&["synth", "clutter", "--frames", "4", "--out", "scene"]).status.success());
+    place.done(["synth", "clutter", "--frames", "4", "--out", "scene"]);
     let cvat = |width: usize, frames: usize| {
         format!(
             "<annotations><meta><task><size>{frames}</size><original_size><width>{width}</width><height>200</height></original_size>\
@@ -159,10 +154,9 @@ fn key_frames_of_another_video_are_reported() {
         (studio.to_owned(), "label-studio", false, "it is for pictures of 640 x 480, and scene has 250 x 200"),
         (cvat(250, 9), "cvat", false, "it is for 9 frames, and the video has 4 frames"),
     ] {
-        std::fs::write(place.path("keys"), keys).expect("a writable folder");
-        let args =
-            ["annotate", "scene", "--config", "digits", "--keyframes", "keys", "--out", format, "--format", format];
-        let run = place.run(&args);
+        place.write("keys", keys);
+        let args = ["annotate", "scene", "--config", "digits", "--keyframes", "keys", "--out"];
+        let run = place.run([&args[..], &[format, "--format", format]].concat());
         assert_eq!(run.status.success(), !is_refused, "{format}: {}", errors(&run));
         assert!(errors(&run).contains(said), "{format}: {}", errors(&run));
     }
@@ -172,11 +166,11 @@ fn key_frames_of_another_video_are_reported() {
 fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
     let (place, truth) = scene();
     write_keys(&place, "none.txt", &truth, &[]);
-    std::fs::write(place.path("late.txt"), "101,1,1,1,9,9,1,-1,-1,-1\n").expect("a writable folder");
-    std::fs::write(place.path("far.txt"), "1,1,9999,9999,9,9,1,-1,-1,-1\n").expect("a writable folder");
-    std::fs::write(place.path("found.txt"), "1,-1,1,1,9,9,1,-1,-1,-1\n").expect("a writable folder");
-    std::fs::write(place.path("two.txt"), "1,1,1,1,9,9,1\n1,2,1,1,9,9,1\n").expect("a writable folder");
-    std::fs::write(place.path("twice.txt"), "5,3,1,1,9,9,1\n5,3,2,2,9,9,1\n").expect("a writable folder");
+    place.write("late.txt", "101,1,1,1,9,9,1,-1,-1,-1\n");
+    place.write("far.txt", "1,1,9999,9999,9,9,1,-1,-1,-1\n");
+    place.write("found.txt", "1,-1,1,1,9,9,1,-1,-1,-1\n");
+    place.write("two.txt", "1,1,1,1,9,9,1\n1,2,1,1,9,9,1\n");
+    place.write("twice.txt", "5,3,1,1,9,9,1\n5,3,2,2,9,9,1\n");
     for (keys, format, problem) in [
         ("none.txt", "otb", "expected at least one key frame"),
         ("late.txt", "mot", "a box is in frame 101, and scene has 100 frames"),
@@ -187,11 +181,9 @@ fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
         ("nowhere.txt", "otb", "nowhere.txt"),
     ] {
         let keys: Vec<&str> = keys.split(' ').collect();
-        let run = [&["annotate", "scene", "--format", format, "--out", "out", "--keyframes"], &keys[..]].concat();
-        let (run, keys) = (place.run(&run), keys[0]);
-        let errors = errors(&run);
-        assert!(!run.status.success() && errors.contains(problem) && !errors.contains("panicked"), "{keys}: {errors}");
-        assert!(!place.path("out").exists(), "{keys}");
+        let args = [&["annotate", "scene", "--format", format, "--out", "out", "--keyframes"], &keys[..]].concat();
+        place.refuses(args, problem);
+        assert!(!place.path("out").exists(), "{keys:?}");
     }
 }
 
@@ -199,16 +191,14 @@ fn what_cannot_be_annotated_is_refused_before_anything_is_written() {
 #[test]
 fn labels_beside_the_key_frames_are_kept() {
     let (place, truth) = scene();
-    std::fs::create_dir(place.path("mine")).expect("a writable folder");
     let BBox { x, y, w, h } = truth[0];
     let boxes: String = (0..FRAMES).map(|_| format!("{},{},{w},{h}\n", x + 1.0, y + 1.0)).collect();
-    std::fs::write(place.path("mine/groundtruth.txt"), boxes).expect("a writable folder");
+    place.write("mine/groundtruth.txt", boxes);
     let labels = "0\n".to_owned() + &"1\n".repeat(FRAMES - 1);
-    std::fs::write(place.path("mine/absence.label"), &labels).expect("a writable folder");
+    place.write("mine/absence.label", &labels);
     let keys = ["annotate", "scene", "--config", "digits", "--keyframes", "mine/groundtruth.txt", "--format", "got10k"];
-    let run = place.run(&[&keys[..], &["--out", "mine"]].concat());
-    assert!(!run.status.success() && errors(&run).contains("absence.label"), "{}", errors(&run));
-    assert_eq!(String::from_utf8(place.read("mine/absence.label")).expect("text"), labels);
+    place.refuses([&keys[..], &["--out", "mine"]].concat(), "absence.label");
+    assert_eq!(place.text("mine/absence.label"), labels);
 }
 
 /// Key frames stay in their frames, notes on their file are shown, and the labels of GOT-10k are a result like the boxes.
@@ -224,20 +214,16 @@ fn results_are_those_of_the_key_frames() {
         let boxes = frames.map(|frame| annotation(frame + 7, frame)).join(",");
         format!("{{\"images\":[{images}],\"annotations\":[{boxes}]}}")
     };
-    std::fs::write(place.path("keys.json"), coco([0, 60])).expect("a writable folder");
+    place.write("keys.json", coco([0, 60]));
     let args = ["annotate", "scene", "--config", "digits", "--out", "out", "--to", "got10k", "--format"];
-    let annotated = |more: &[&str]| {
-        let run = place.run(&[&args[..], more].concat());
-        assert!(run.status.success(), "{}", errors(&run));
-        errors(&run)
-    };
+    let annotated = |more: &[&str]| errors(&place.done([&args[..], more].concat()));
     let notes = annotated(&["coco", "--keyframes", "keys.json"]);
     assert!(notes.contains("keys.json: 2 segmentations are left out") && !notes.contains("confidence"), "{notes}");
     let boxes = read_boxes(place.path("out/boxes.txt")).expect("boxes");
     assert_eq!([0, 60].map(|t| boxes[t]), [0, 60].map(|t| Some(truth[t])));
-    let labels = || String::from_utf8(place.read("out/absence.label")).expect("text");
+    let labels = || place.text("out/absence.label");
     let before = labels();
-    let run = String::from_utf8(place.read("out/run.json")).expect("text");
+    let run = place.text("out/run.json");
     assert!(before.lines().count() == FRAMES && run.contains("absence.label"), "{run}");
     let task = format!(
         "<annotations><track id=\"1\" label=\"a\"><box frame=\"0\" xtl=\"{x}\" ytl=\"{y}\" xbr=\"{r}\" ybr=\"{b}\"/>\
@@ -247,7 +233,7 @@ fn results_are_those_of_the_key_frames() {
         r = truth[0].x + truth[0].w,
         b = truth[0].y + truth[0].h
     );
-    std::fs::write(place.path("task.xml"), task).expect("a writable folder");
+    place.write("task.xml", task);
     annotated(&["cvat", "--keyframes", "task.xml"]);
     assert!(labels() != before && labels().ends_with("1\n"), "the labels are of the same run as the boxes");
 }

@@ -3,20 +3,16 @@
 use foveate::video::{mot::Tracks, open};
 use foveate::{BBox, Detection, MultiTracker, Tracker};
 use std::path::Path;
-use std::process::Command;
+
+use crate::place::Place;
 
 const FRAMES: usize = 25;
 
-fn foveate(folder: &Path, args: &[&str]) {
-    let out = Command::new(env!("CARGO_BIN_EXE_foveate")).current_dir(folder).args(args).output().expect("it starts");
-    assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
-}
-
 /// A folder with a video of a digit among others, `video`.
-fn place() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    foveate(folder.path(), &["synth", "clutter", "--frames", &FRAMES.to_string(), "--out", "video"]);
-    folder
+fn place() -> Place {
+    let place = Place::empty();
+    place.done(["synth", "clutter", "--frames", &FRAMES.to_string(), "--out", "video"]);
+    place
 }
 
 /// A user's program.
@@ -36,8 +32,7 @@ fn follow(config: &str, video: &Path, first: BBox) -> foveate::Result<Vec<[f64; 
 }
 
 /// Columns of a CSV file by name, all lines that have them.
-fn columns(path: &Path, names: &[&str]) -> Vec<Vec<f64>> {
-    let text = std::fs::read_to_string(path).expect("it was written");
+fn columns(text: &str, names: &[&str]) -> Vec<Vec<f64>> {
     let mut lines = text.lines();
     let head: Vec<&str> = lines.next().expect("a header").split(',').collect();
     let at: Vec<usize> =
@@ -52,14 +47,14 @@ fn columns(path: &Path, names: &[&str]) -> Vec<Vec<f64>> {
 #[test]
 fn one_target_has_the_boxes_of_the_program() {
     let place = place();
-    let truth = std::fs::read_to_string(place.path().join("video/groundtruth_rect.txt")).expect("the truth");
+    let truth = place.text("video/groundtruth_rect.txt");
     let first: Vec<f64> =
         truth.lines().next().expect("a box").split(',').map(|n| n.parse().expect("a number")).collect();
     let first = BBox::counted_from_1(first[0], first[1], first[2], first[3]);
     for config in ["natural", "natural-fast", "digits"] {
-        foveate(place.path(), &["track", "video", "--config", config, "--no-video", "--no-report", "--out", config]);
-        let ours = follow(config, &place.path().join("video"), first).expect("it tracks");
-        let theirs = columns(&place.path().join(config).join("track.csv"), &["x", "y", "width", "height", "p_lost"]);
+        place.done(["track", "video", "--config", config, "--no-video", "--no-report", "--out", config]);
+        let ours = follow(config, &place.path("video"), first).expect("it tracks");
+        let theirs = columns(&place.text(&format!("{config}/track.csv")), &["x", "y", "width", "height", "p_lost"]);
         assert_eq!(ours.len(), FRAMES - 1);
         let bits = |rows: &[&[f64]]| -> Vec<Vec<u64>> {
             rows.iter().map(|r| r.iter().map(|v| v.to_bits()).collect()).collect()
@@ -74,17 +69,15 @@ fn one_target_has_the_boxes_of_the_program() {
 #[test]
 fn many_targets_have_the_boxes_of_the_program() {
     let place = place();
-    let truth = std::fs::read_to_string(place.path().join("video/groundtruth_rect.txt")).expect("the truth");
+    let truth = place.text("video/groundtruth_rect.txt");
     let lines = truth.lines().enumerate().map(|(t, line)| format!("{},-1,{line},1,-1,-1,-1\n", t + 1));
-    let detections = place.path().join("det.txt");
-    std::fs::write(&detections, lines.collect::<String>()).expect("a writable folder");
-    let args = ["--detections", "det.txt", "--no-video", "--no-report", "--out", "multi"];
-    foveate(place.path(), &[&["track", "video", "--config", "multi"][..], &args].concat());
+    place.write("det.txt", lines.collect::<String>());
+    place.done("track video --config multi --detections det.txt --no-video --no-report --out multi".split(' '));
 
-    let found = Tracks::read(&detections).expect("just written");
+    let found = Tracks::read(place.path("det.txt")).expect("just written");
     let mut tracker = MultiTracker::new("multi").expect("it ships");
     let mut ours = vec![];
-    for frame in open(place.path().join("video")).expect("a video") {
+    for frame in open(place.path("video")).expect("a video") {
         let frame = frame.expect("a picture");
         let here = found.sightings.iter().filter(|s| s.frame == frame.index);
         let here: Vec<Detection> = here.map(|s| Detection::new(s.bbox, s.confidence)).collect();
@@ -100,7 +93,7 @@ fn many_targets_have_the_boxes_of_the_program() {
         }
     }
     assert!(ours.len() > FRAMES / 2, "the detections start a track");
-    let theirs = columns(&place.path().join("multi/tracks.csv"), &["frame", "id", "x", "y", "deficit", "p_lost"]);
+    let theirs = columns(&place.text("multi/tracks.csv"), &["frame", "id", "x", "y", "deficit", "p_lost"]);
     let ours: Vec<Vec<f64>> = ours.iter().map(|row| row.to_vec()).collect();
     assert_eq!(ours, theirs);
 }

@@ -4,30 +4,21 @@ use foveate_testing::need;
 use std::path::Path;
 use std::process::Command;
 
-use crate::place::{Place, errors};
+use crate::place::{Place, errors, json, printed};
 
 /// Makes a short video of the test picture.
 fn make(path: &Path, options: &[&str]) -> Result<(), String> {
-    let made = Command::new("ffmpeg")
-        .args(["-v", "error", "-y", "-f", "lavfi", "-i", "testsrc2=size=96x72:rate=25:duration=1.2"])
-        .args(options)
-        .arg(path)
-        .status();
-    if made.is_ok_and(|status| status.success()) {
-        Ok(())
-    } else {
-        Err(format!("ffmpeg that writes {}", path.display()))
-    }
+    let source = "-v error -y -f lavfi -i testsrc2=size=96x72:rate=25:duration=1.2";
+    let made = Command::new("ffmpeg").args(source.split(' ')).args(options).arg(path).status();
+    let made = made.is_ok_and(|status| status.success());
+    made.then_some(()).ok_or_else(|| format!("ffmpeg that writes {}", path.display()))
 }
 
 /// A field of each frame, or of the stream, as ffprobe reports it.
 fn probed(path: &Path, field: &str) -> Vec<String> {
-    let run = Command::new("ffprobe")
-        .args(["-v", "error", "-select_streams", "v:0", "-show_entries", field, "-of", "csv=p=0"])
-        .arg(path)
-        .output()
-        .expect("it lies beside ffmpeg");
-    let text = String::from_utf8_lossy(&run.stdout).into_owned();
+    let args = ["-v", "error", "-select_streams", "v:0", "-show_entries", field, "-of", "csv=p=0"];
+    let run = Command::new("ffprobe").args(args).arg(path).output().expect("it lies beside ffmpeg");
+    let text = String::from_utf8_lossy(&run.stdout);
     text.lines().map(|line| line.trim_end_matches(',').to_owned()).filter(|line| !line.is_empty()).collect()
 }
 
@@ -37,21 +28,16 @@ fn from_first(stamps: Vec<String>) -> Vec<f64> {
     all.iter().map(|time| time - all[0]).collect()
 }
 
-fn json(bytes: &[u8]) -> serde_json::Value {
-    serde_json::from_slice(bytes).expect("JSON")
-}
-
 #[test]
 fn times_and_pixels_are_those_that_players_show() {
     let place = Place::new();
     let path = place.path("a.mkv");
     let filter = "setsar=4/3,select='not(eq(mod(n,7),2)+eq(mod(n,7),3))'";
     need!(make(&path, &["-vf", filter, "-vsync", "vfr", "-c:v", "mpeg4", "-q:v", "3"]));
-    let run = place.run(&["track", "a.mkv", "-c", "c.toml", "--init", "30,20,30,30", "--no-report", "-o", "out"]);
-    assert!(run.status.success(), "{}", errors(&run));
+    let run = place.done("track a.mkv -c c.toml --init 30,20,30,30 --no-report -o out".split(' '));
     let first = errors(&run).lines().next().unwrap_or_default().to_owned();
     assert!(first.contains("96 x 72") && first.contains("128 x 72") && first.contains("1.3333"), "{first}");
-    let table = String::from_utf8(place.read("out/track.csv")).expect("text");
+    let table = place.text("out/track.csv");
     let column = table.lines().next().expect("names").split(',').position(|name| name == "time").expect("a column");
     let times: Vec<f64> =
         table.lines().skip(1).map(|row| row.split(',').nth(column).expect("it").parse().expect("seconds")).collect();
@@ -65,8 +51,7 @@ fn times_and_pixels_are_those_that_players_show() {
     let played = from_first(probed(&film, stamps));
     assert!(near(&played, &wanted), "annotated.mp4: {played:?}, expected {wanted:?}");
     // The picture, and a map of the same size beside it.
-    let look = place.run(&["look", "a.mkv", "--map", "saliency", "--frame", "1", "--out", "look.png"]);
-    assert!(look.status.success(), "{}", errors(&look));
+    place.done(["look", "a.mkv", "--map", "saliency", "--frame", "1", "--out", "look.png"]);
     let png = place.read("look.png");
     assert_eq!(png[16..24], [256u32.to_be_bytes(), 72u32.to_be_bytes()].concat());
 }
@@ -77,23 +62,22 @@ fn damage_is_reported_wherever_frames_are_counted() {
     let path = place.path("a.mkv");
     need!(make(&path, &["-c:v", "mpeg4", "-q:v", "2", "-g", "10"]));
     let args = ["a.mkv", "--init", "30,20,30,30", "--json"];
-    let sound = place.track("sound", &args);
-    assert!(sound.status.success(), "{}", errors(&sound));
-    assert_eq!(json(&sound.stdout)["damaged_frames"], 0);
-    assert!(json(&place.read("sound/run.json"))["damaged"].is_null());
+    let sound = place.tracked("sound", &args);
+    assert_eq!(json(&sound)["damaged_frames"], 0);
+    assert!(place.json("sound/run.json")["damaged"].is_null());
     let mut bytes = place.read("a.mkv");
     let at = bytes.len() / 2;
     bytes[at..at + 100].fill(0);
     std::fs::write(&path, bytes).expect("a writable folder");
-    let summary = json(&place.track("out", &args).stdout);
+    let summary = json(&place.track("out", &args));
     let damaged = summary["damaged_frames"].as_u64().expect("a number");
     assert!(damaged > 0 && summary["error"].is_null(), "{summary}");
     assert!(summary["warnings"][0].as_str().is_some_and(|text| text.contains("damaged")), "{summary}");
-    assert!(json(&place.read("out/run.json"))["damaged"].as_u64() > Some(0));
+    assert!(place.json("out/run.json")["damaged"].as_u64() > Some(0));
     let plain = place.track("plain", &args[..3]);
-    assert!(String::from_utf8_lossy(&plain.stdout).contains("Warning: The video is damaged"), "{}", errors(&plain));
+    assert!(printed(&plain).contains("Warning: The video is damaged"), "{}", errors(&plain));
     let lines = place.track("lines", &[&args[..3], &["--stream"]].concat());
-    let last = String::from_utf8_lossy(&lines.stdout).lines().last().map(|line| json(line.as_bytes()));
+    let last = printed(&lines).lines().last().and_then(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     assert!(last.expect("a line")["damaged"].as_u64() > Some(0));
 }
 
@@ -101,11 +85,10 @@ fn damage_is_reported_wherever_frames_are_counted() {
 #[test]
 fn folders_of_videos_differ_from_folders_of_frames() {
     let place = Place::new();
-    std::fs::write(place.path("video/img/MVI_1.MP4"), "x").expect("a writable folder");
+    place.write("video/img/MVI_1.MP4", "x");
     let text = place.failure(&["video"]);
     assert!(text.contains("pictures and 1 video") && text.contains("give video/") && text.contains("/*.MP4"), "{text}");
-    std::fs::create_dir(place.path("clips")).expect("a writable folder");
-    std::fs::write(place.path("clips/a.mp4"), "x").expect("a writable folder");
+    place.write("clips/a.mp4", "x");
     let text = place.failure(&["clips", "--init", "1,1,9,9"]);
     assert!(text.contains("found 1 video") && text.contains("give clips/*.mp4"), "{text}");
     std::fs::remove_file(place.path("video/img/MVI_1.MP4")).expect("ours");

@@ -6,14 +6,14 @@ use foveate_testing::skip;
 
 /// track.csv of a run with these instructions; `None` where the processor lacks them.
 fn track(place: &Place, config: &str, kernels: &str) -> Option<String> {
-    let mut command = place.command(&["track", "video", "-c", config, "--no-video", "--no-report", "-o", kernels]);
+    let mut command = place.command(["track", "video", "-c", config, "--no-video", "--no-report", "-o", kernels]);
     let output = command.env("FOVEATE_KERNELS", kernels).output().expect("it starts");
     if errors(&output).contains("this processor has none") {
         skip(&format!("processor with {kernels}"));
         return None;
     }
     assert!(output.status.success(), "{}", errors(&output));
-    Some(String::from_utf8(place.read(&format!("{kernels}/track.csv"))).expect("text"))
+    Some(place.text(&format!("{kernels}/track.csv")))
 }
 
 #[test]
@@ -34,7 +34,7 @@ fn all_instructions_give_the_same_track() {
             }
         }
     }
-    let mut command = place.command(&["configs"]);
+    let mut command = place.command(["configs"]);
     let output = command.env("FOVEATE_KERNELS", "mmx").output().expect("it starts");
     assert!(!output.status.success() && errors(&output).contains("expected portable, avx2 or avx512"));
 }

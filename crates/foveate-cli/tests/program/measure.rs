@@ -1,38 +1,34 @@
 //! `foveate measure`: motion in metres and seconds.
 
-use crate::place::{FRAMES, Place, errors};
+use crate::place::{FRAMES, Place, errors, printed};
 
 const UNITS: [&str; 6] = ["--ruler", "1,1,1,101=1.00+-0.01m", "--fps", "25", "--fit", "line:x"];
 
 #[test]
 fn a_video_and_its_track_give_the_same_measurement() {
     let place = Place::new();
-    let run = |args: &[&str]| place.run(&[&["measure"], &UNITS[..], args].concat());
+    fn with<'a>(args: &[&'a str]) -> Vec<&'a str> {
+        [&["measure"], &UNITS[..], args].concat()
+    }
+    let run = |args: &[&str]| place.done(with(args));
     let quick = ["video", "-c", "c.toml", "--no-video", "--no-report"];
-    let output = run(&[&quick[..], &["-o", "out"]].concat());
-    assert!(output.status.success(), "{}", errors(&output));
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let said = printed(&run(&[&quick[..], &["-o", "out"]].concat()));
     assert!(said.contains("line:x") && said.contains("  v = ") && said.contains("m/s (95 %:"), "{said}");
     let names =
         ["ask.csv", "boxes.txt", "fits.json", "measure.csv", "measure.html", "measure.trk", "run.json", "track.csv"];
     assert_eq!(place.names("out"), names);
     assert_eq!(place.lines("out/measure.csv"), FRAMES + 1);
-    let again = run(&["--track", "out/track.csv", "-o", "again"]);
-    assert!(again.status.success(), "{}", errors(&again));
+    run(&["--track", "out/track.csv", "-o", "again"]);
     for name in ["measure.csv", "fits.json", "ask.csv", "measure.trk"] {
         assert!(place.read(&format!("out/{name}")) == place.read(&format!("again/{name}")), "{name}");
     }
     // The frame rate is that of the first measurement.
     let later = [&["measure"], &UNITS[..2], &UNITS[4..], &["--track", "out/track.csv", "-o", "later"]].concat();
     let later = place.run(&later);
-    assert!(String::from_utf8_lossy(&later.stdout).contains("25 frames per second"), "{}", errors(&later));
+    assert!(printed(&later).contains("25 frames per second"), "{}", errors(&later));
     assert!(place.read("out/measure.csv") == place.read("later/measure.csv"));
     // Another track in the same folder has no measurement yet.
-    let there = |args: &[&str]| {
-        let output = place.run(args);
-        assert!(output.status.success(), "{}", errors(&output));
-        String::from_utf8_lossy(&output.stdout).into_owned()
-    };
+    let there = |args: &[&str]| printed(&place.done(args));
     there(&["track", "video", "-c", "c.toml", "--no-video", "--no-report", "-o", "same"]);
     there(&["measure", "--track", "same/track.csv", "--fps", "240", "-o", "same"]);
     assert!(there(&["measure", "--track", "same/track.csv", "-o", "same"]).contains("240 frames per second"));
@@ -40,26 +36,21 @@ fn a_video_and_its_track_give_the_same_measurement() {
     assert_eq!(place.names("same"), ["boxes.txt", "run.json", "track.csv"]);
     assert!(!there(&["measure", "--track", "same/track.csv", "-o", "same"]).contains("frames per second"));
     // A thing that moves with the target takes its motion away.
-    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let truth = place.text("video/groundtruth_rect.txt");
     let first = truth.lines().next().expect("a box").to_owned();
-    let relative = run(&[&quick[..], &["-o", "relative", "--reference", &first]].concat());
-    assert!(relative.status.success(), "{}", errors(&relative));
+    run(&[&quick[..], &["-o", "relative", "--reference", &first]].concat());
     let speed = |folder: &str| {
-        let fits: serde_json::Value =
-            serde_json::from_slice(&place.read(&format!("{folder}/fits.json"))).expect("JSON");
+        let fits = place.json(&format!("{folder}/fits.json"));
         fits["fits"][0]["values"][1]["value"].as_f64().expect("a speed").abs()
     };
     assert!(speed("relative") < 0.3 * speed("out"), "{} {}", speed("relative"), speed("out"));
     // The reference is not in the track, so that it cannot be taken off again.
-    let without = run(&["--track", "relative/track.csv", "-o", "without"]);
-    assert!(!without.status.success() && errors(&without).contains("--reference"), "{}", errors(&without));
-    std::fs::write(place.path("lens.yml"), calibration("image_width: 4000\nimage_height: 90\n", 0.0))
-        .expect("writable");
-    let other = run(&["--track", "out/track.csv", "-o", "without", "--lens", "lens.yml"]);
-    assert!(!other.status.success() && errors(&other).contains("4000 x 90"), "{}", errors(&other));
+    place.refuses(with(&["--track", "relative/track.csv", "-o", "without"]), "--reference");
+    place.write("lens.yml", calibration("image_width: 4000\nimage_height: 90\n", 0.0));
+    place.refuses(with(&["--track", "out/track.csv", "-o", "without", "--lens", "lens.yml"]), "4000 x 90");
     for more in [&["--from", "3"][..], &["--until", "5"], &["--json"], &["--init", &first]] {
-        let ignored = run(&[&["--track", "out/track.csv", "-o", "without"], more].concat());
-        assert!(!ignored.status.success() && errors(&ignored).contains("cannot be used with"), "{}", errors(&ignored));
+        let args = [&["--track", "out/track.csv", "-o", "without"], more].concat();
+        place.refuses(with(&args), "cannot be used with");
     }
     assert!(!place.path("without").exists());
 }
@@ -67,13 +58,11 @@ fn a_video_and_its_track_give_the_same_measurement() {
 #[test]
 fn each_of_several_points_is_measured_as_on_its_own() {
     let place = Place::new();
-    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let truth = place.text("video/groundtruth_rect.txt");
     let boxes = [truth.lines().next().expect("a box"), "5,8,24,20"];
     let run = |args: &[&str]| {
         let quick = ["measure", "video", "-c", "c.toml", "--no-video", "--no-report", "--origin", "11,21"];
-        let output = place.run(&[&quick[..], &UNITS[..], args].concat());
-        assert!(output.status.success(), "{}", errors(&output));
-        String::from_utf8_lossy(&output.stdout).into_owned()
+        printed(&place.done([&quick[..], &UNITS[..], args].concat()))
     };
     let said = run(&["--init", boxes[0], "--init", boxes[1], "--names", "ball,cart", "-o", "both"]);
     assert!(said.contains("Point ball:") && said.contains("Point cart:"), "{said}");
@@ -81,7 +70,7 @@ fn each_of_several_points_is_measured_as_on_its_own() {
     assert!(outputs.iter().all(|name| place.names("both").contains(&(*name).to_owned())), "{:?}", place.names("both"));
     assert_eq!(place.lines("both/tracks.csv"), 2 * FRAMES + 1);
     let rows = |folder: &str, name: &str| -> Vec<String> {
-        let text = String::from_utf8(place.read(&format!("{folder}/measure.csv"))).expect("text");
+        let text = place.text(&format!("{folder}/measure.csv"));
         let of = |line: &str| line.strip_suffix(&format!(",{name}")).map(str::to_owned);
         text.lines().filter_map(of).collect()
     };
@@ -91,7 +80,7 @@ fn each_of_several_points_is_measured_as_on_its_own() {
         assert_eq!(rows("both", name), rows(name, "1"), "{name}");
     }
     // Tracker's file has the scale, the origin, the times and the points of track.csv.
-    let text = String::from_utf8(place.read("both/measure.trk")).expect("text");
+    let text = place.text("both/measure.trk");
     let xml = roxmltree::Document::parse(&text).expect("well-formed XML");
     let named = |name: &str| -> Vec<roxmltree::Node<'_, '_>> {
         xml.descendants().filter(|node| node.attribute("name") == Some(name)).collect()
@@ -108,7 +97,7 @@ fn each_of_several_points_is_measured_as_on_its_own() {
     assert_eq!(names, ["ball", "cart"]);
     let points = named("framedata");
     assert_eq!(points.len(), 3, "those of the axes and of two points");
-    let table = String::from_utf8(place.read("cart/track.csv")).expect("text");
+    let table = place.text("cart/track.csv");
     let header: Vec<&str> = table.lines().next().expect("a header").split(',').collect();
     let column = |name: &str| header.iter().position(|head| *head == name).expect("a column");
     let (x, frame, usable) = (column("x"), column("frame"), column("usable"));
@@ -139,27 +128,15 @@ fn calibration(size: &str, k1: f64) -> String {
 #[test]
 fn corrections_are_key_frames_and_a_lens_is_taken_out() {
     let place = Place::new();
-    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let truth = place.text("video/groundtruth_rect.txt");
     let line = |frame: usize| format!("{frame},1,{},1,-1,-1,-1\n", truth.lines().nth(frame - 1).expect("a box"));
-    std::fs::write(place.path("keys.txt"), line(2) + &line(7)).expect("writable");
+    place.write("keys.txt", line(2) + &line(7));
     let run = |args: &[&str]| {
-        let quick = [
-            "measure",
-            "video",
-            "-c",
-            "c.toml",
-            "--no-video",
-            "--no-report",
-            "--keyframes",
-            "keys.txt",
-            "--format",
-            "mot",
-        ];
-        let output = place.run(&[&quick[..], args].concat());
-        assert!(output.status.success(), "{}", errors(&output));
+        let quick = "measure video -c c.toml --no-video --no-report --keyframes keys.txt --format mot";
+        place.done(quick.split(' ').chain(args.iter().copied()));
     };
     let given = |folder: &str| -> Vec<String> {
-        let table = String::from_utf8(place.read(&format!("{folder}/track.csv"))).expect("text");
+        let table = place.text(&format!("{folder}/track.csv"));
         let given = table.lines().filter(|line| line.contains(",,,,,,"));
         given.filter_map(|line| line.split(',').next().map(str::to_owned)).collect()
     };
@@ -168,8 +145,8 @@ fn corrections_are_key_frames_and_a_lens_is_taken_out() {
     assert_eq!(given("until"), ["2"]);
     run(&["-o", "plain"]);
     assert_eq!(given("plain"), ["2", "7"]);
-    std::fs::write(place.path("flat.yml"), calibration("", 0.0)).expect("writable");
-    std::fs::write(place.path("bent.yml"), calibration("", -0.1)).expect("writable");
+    place.write("flat.yml", calibration("", 0.0));
+    place.write("bent.yml", calibration("", -0.1));
     run(&["-o", "flat", "--lens", "flat.yml"]);
     run(&["-o", "bent", "--lens", "bent.yml"]);
     let measured = |folder: &str| place.read(&format!("{folder}/measure.csv"));
@@ -180,43 +157,35 @@ fn corrections_are_key_frames_and_a_lens_is_taken_out() {
     };
     assert!((x("flat") - x("plain")).abs() < 1e-6 && (x("bent") - x("plain")).abs() > 1e-3);
     // The track has the distortion, and says nothing of it; the fits.json beside it does.
-    let again = |args: &[&str]| place.run(&[&["measure", "--track", "bent/track.csv", "-o", "again"], args].concat());
-    let without = again(&[]);
-    assert!(!without.status.success() && errors(&without).contains("--lens again"), "{}", errors(&without));
-    assert!(again(&["--lens", "bent.yml"]).status.success());
+    let again = ["measure", "--track", "bent/track.csv", "-o", "again"];
+    place.refuses(again, "--lens again");
+    place.done([&again[..], &["--lens", "bent.yml"]].concat());
     // So is the scale of the pictures, in which measure.trk is not.
     run(&["-o", "small", "--scale", "0.5"]);
-    assert!(place.run(&["measure", "--track", "small/track.csv", "-o", "large"]).status.success());
+    place.done(["measure", "--track", "small/track.csv", "-o", "large"]);
     let frames = |folder: &str| {
-        let text = String::from_utf8(place.read(&format!("{folder}/measure.trk"))).expect("text");
+        let text = place.text(&format!("{folder}/measure.trk"));
         text.lines().filter(|line| line.contains("xorigin") || line.contains("\"xscale\"")).collect::<String>()
     };
     assert!(frames("small") == frames("large") && !frames("small").is_empty(), "{}", frames("small"));
     // Of several videos those that were measured with another calibration are not finished.
-    let several = || {
-        let videos = ["measure", "video", "other", "-c", "c.toml", "--no-video", "--no-report", "--lens", "flat.yml"];
-        place.run(&[&videos[..], &["-o", "several"]].concat())
-    };
-    std::fs::create_dir_all(place.path("other/img")).expect("a writable folder");
+    let several = "measure video other -c c.toml --no-video --no-report --lens flat.yml -o several";
     let pictures = (1..=FRAMES).map(|frame| format!("img/{frame:04}.png"));
     for name in pictures.chain(["groundtruth_rect.txt".to_owned()]) {
-        std::fs::copy(place.path(&format!("video/{name}")), place.path(&format!("other/{name}"))).expect("copied");
+        place.write(&format!("other/{name}"), place.read(&format!("video/{name}")));
     }
-    assert!(several().status.success() && several().status.success());
-    std::fs::write(place.path("flat.yml"), calibration("", -0.1)).expect("writable");
-    let stale = several();
-    assert!(!stale.status.success() && errors(&stale).contains("another configuration"), "{}", errors(&stale));
+    (0..2).for_each(|_| drop(place.done(several.split(' '))));
+    place.write("flat.yml", calibration("", -0.1));
+    place.refuses(several.split(' '), "another configuration");
 }
 
 #[test]
 fn what_cannot_be_measured_is_refused() {
     let place = Place::new();
-    std::fs::write(place.path("lens.yml"), calibration("image_width: 4000\nimage_height: 90\n", 0.0))
-        .expect("writable");
-    std::fs::write(place.path("two.txt"), "1,1,5,5,20,20,1,-1,-1,-1\n1,2,50,50,20,20,1,-1,-1,-1\n").expect("writable");
+    place.write("lens.yml", calibration("image_width: 4000\nimage_height: 90\n", 0.0));
+    place.write("two.txt", "1,1,5,5,20,20,1,-1,-1,-1\n1,2,50,50,20,20,1,-1,-1,-1\n");
     let refused = |args: &[&str], said: &str| {
-        let output = place.run(&[&["measure", "-o", "none"][..], args].concat());
-        assert!(!output.status.success() && errors(&output).contains(said), "{args:?}: {}", errors(&output));
+        place.refuses([&["measure", "-o", "none"][..], args].concat(), said);
         assert!(!place.path("none").exists(), "{args:?}");
     };
     let two = ["video", "--init", "1,1,20,20", "--init", "40,40,20,20"];
@@ -241,12 +210,12 @@ fn what_cannot_be_measured_is_refused() {
     let task = |end: String| {
         format!("<annotations>{never}<track id=\"2\">{}{}{end}</track></annotations>", shape(0, 1), shape(1, 0))
     };
-    std::fs::write(place.path("task.xml"), task(shape(4, 1) + &shape(6, 0))).expect("writable");
+    place.write("task.xml", task(shape(4, 1) + &shape(6, 0)));
     let gone = ["video", "--keyframes", "task.xml", "--format", "cvat"];
     refused(&gone, "outside the picture in frame 5");
     refused(&gone, "the first with --until 4");
     refused(&[&gone[..], &["--until", "4", "--every", "3", "--fit", "cubic:y"]].concat(), "parabola");
-    std::fs::write(place.path("keys.txt"), "1,1,5,5,20,20,1,-1,-1,-1\n3,1,5,5,20,20,1,-1,-1,-1\n").expect("writable");
+    place.write("keys.txt", "1,1,5,5,20,20,1,-1,-1,-1\n3,1,5,5,20,20,1,-1,-1,-1\n");
     let keys = ["video", "--keyframes", "keys.txt", "--format", "mot", "--every", "3"];
     refused(&keys, "keys.txt: --every 3 leaves out the key frame 3");
     refused(&["video", "--fit", "cubic:y"], "parabola");

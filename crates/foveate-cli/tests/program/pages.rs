@@ -1,31 +1,21 @@
 //! The pages of evaluations and many videos: one style, no script, opened in a browser where there is one.
 
 use crate::browser::{Browser, is_one_document};
-use crate::place::{Place, errors};
+use crate::place::{Place, done};
 use foveate_testing::need;
 
 #[test]
 fn pages_without_a_script_have_the_style_of_the_reports() {
     let place = Place::new();
-    let run = |args: &[&str]| {
-        let done = place.command(args).env("FOVEATE_DATA", place.path("none")).output().expect("it starts");
-        assert!(done.status.success(), "{}", errors(&done));
-    };
-    run(&["synth", "clutter", "--frames", "10", "--seed", "5", "--out", "a-video-with-a-rather-long-name"]);
-    run(&[
-        "track",
-        "-c",
-        "c.toml",
-        "--no-video",
-        "--no-report",
-        "-o",
-        "runs",
-        "video",
-        "a-video-with-a-rather-long-name",
-    ]);
-    run(&["eval", "--config", "c.toml", "--seqs", "video", "a-video-with-a-rather-long-name", "--out", "scores"]);
+    for line in [
+        "synth clutter --frames 10 --seed 5 --out a-video-with-a-rather-long-name",
+        "track -c c.toml --no-video --no-report -o runs video a-video-with-a-rather-long-name",
+        "eval --config c.toml --seqs video a-video-with-a-rather-long-name --out scores",
+    ] {
+        done(place.command(line.split(' ')).env("FOVEATE_DATA", place.path("none")));
+    }
     let pages = ["runs/index.html", "scores/report.html"];
-    let texts = pages.map(|page| String::from_utf8(place.read(page)).expect("text"));
+    let texts = pages.map(|page| place.text(page));
     for text in &texts {
         is_one_document(text);
         assert!(text.contains(foveate::report::STYLE) && !text.contains("<script"), "one style, and no script");

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::place::{FRAMES, Place, errors};
+use crate::place::{FRAMES, PROGRAM, Place, done, errors, failed};
 
 /// All files of a folder.
 fn files(place: &Place, folder: &str) -> BTreeMap<String, Vec<u8>> {
@@ -38,7 +38,7 @@ fn a_mistake_leaves_an_earlier_run_as_it_was() {
     let place = Place::new();
     place.boxes("out", &["video"]);
     let (before, beside) = (files(&place, "out"), place.names(""));
-    std::fs::write(place.path("s.json"), "{}").expect("a writable folder");
+    place.write("s.json", "{}");
     for args in [
         &["video", "--init", "1000,1000,50,50"][..],
         &["video", "--init", "1,1,1,1"],
@@ -57,44 +57,41 @@ fn a_mistake_leaves_an_earlier_run_as_it_was() {
     std::fs::remove_file(place.path("s.json")).expect("it is there");
     assert_eq!(place.names(""), beside, "and nothing beside it");
     // The second frame breaks: nothing was tracked, and nothing is replaced.
-    std::fs::write(place.path("video/img/0002.png"), "broken").expect("a writable folder");
-    let output = place.track("out", &["video"]);
-    assert!(!output.status.success() && errors(&output).contains("is unchanged"), "{}", errors(&output));
+    place.write("video/img/0002.png", "broken");
+    assert!(failed(&place.track("out", &["video"])).contains("is unchanged"));
     assert!(files(&place, "out") == before && place.names("") == beside);
     // Where the sixth one breaks, the frames before are kept, and a warning reports that the rest is missing.
     std::fs::copy(place.path("video/img/0003.png"), place.path("video/img/0002.png")).expect("a picture");
-    std::fs::write(place.path("video/img/0006.png"), "broken").expect("a writable folder");
+    place.write("video/img/0006.png", "broken");
     assert!(!place.track("out", &["video"]).status.success());
     assert_eq!((place.lines("out/boxes.txt"), ended(&place)), (5, ("error".into(), 5)));
 }
 
 /// How the run in `out` ended, and after how many frames.
 fn ended(place: &Place) -> (String, usize) {
-    let run: serde_json::Value = serde_json::from_slice(&place.read("out/run.json")).expect("JSON");
+    let run = place.json("out/run.json");
     (run["ended"].as_str().expect("a word").to_owned(), run["frames"].as_u64().expect("a number") as usize)
 }
 
 #[test]
 fn files_of_an_earlier_run_go_and_others_stay() {
     let place = Place::new();
-    place.run(&["track", "video", "-c", "c.toml", "-o", "out", "--trace", "--regret"]);
+    place.run(["track", "video", "-c", "c.toml", "-o", "out", "--trace", "--regret"]);
     assert_eq!(place.names("out").len(), 9);
     place.boxes("out", &["video", "--until", "4"]);
     assert_eq!(place.names("out"), ["boxes.txt", "run.json", "track.csv"]);
-    std::fs::write(place.path("out/notes.txt"), "mine").expect("a writable folder");
-    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "out", "--no-video", "--trace"]);
-    assert!(output.status.success(), "{}", errors(&output));
+    place.write("out/notes.txt", "mine");
+    place.done(["track", "video", "-c", "c.toml", "-o", "out", "--no-video", "--trace"]);
     place.boxes("out", &["video", "--init", "50,60,28,28", "--save-state", "out/s.json"]);
     assert_eq!(place.names("out"), ["boxes.txt", "notes.txt", "run.json", "s.json", "track.csv"]);
     assert_eq!(place.read("out/notes.txt"), b"mine");
     // Many targets make other files.
-    let output = place.track("out", &["video", "--init", "50,60,28,28", "--init", "90,90,28,28"]);
-    assert!(output.status.success(), "{}", errors(&output));
+    place.tracked("out", &["video", "--init", "50,60,28,28", "--init", "90,90,28,28"]);
     assert_eq!(place.names("out"), ["notes.txt", "run.json", "s.json", "targets.csv", "tracks.csv", "tracks.txt"]);
     // An output does not replace its source.
-    place.run(&["track", "video", "-c", "c.toml", "-o", "film", "--no-report"]);
-    let output = place.track("film", &["film/annotated.mp4", "--init", "50,60,28,28"]);
-    assert!(!output.status.success() && errors(&output).contains("give another --out"), "{}", errors(&output));
+    place.run(["track", "video", "-c", "c.toml", "-o", "film", "--no-report"]);
+    let refused = failed(&place.track("film", &["film/annotated.mp4", "--init", "50,60,28,28"]));
+    assert!(refused.contains("give another --out"), "{refused}");
     assert!(place.path("film/annotated.mp4").is_file());
 }
 
@@ -102,17 +99,14 @@ fn files_of_an_earlier_run_go_and_others_stay() {
 #[test]
 fn what_is_read_is_not_written_over() {
     let place = Place::new();
-    let copy = |from: &str, to: &str| std::fs::copy(place.path(from), place.path(to)).expect("copied");
     // A folder of frames with its truth, and a file with its first box, named as a result.
     let frame = "video/img/0003.png";
-    std::fs::create_dir(place.path("bx")).expect("a new folder");
-    copy(frame, "bx/boxes.png");
-    copy("video/groundtruth_rect.txt", "bx/boxes.txt");
+    place.write("bx/boxes.png", place.read(frame));
+    place.write("bx/boxes.txt", place.read("video/groundtruth_rect.txt"));
     let before = [files(&place, "video/img"), files(&place, "bx")];
     let config = place.read("c.toml");
     let refused = |args: &[&str], said: &str| {
-        let output = place.run(args);
-        assert!(!output.status.success() && errors(&output).contains(said), "{args:?}: {}", errors(&output));
+        place.refuses(args, said);
         assert!([files(&place, "video/img"), files(&place, "bx")] == before && place.read("c.toml") == config);
     };
     let read = "it is read, and would be replaced";
@@ -143,9 +137,8 @@ fn results_in_the_folder_that_the_program_runs_in() {
     let video = place.path("video");
     std::fs::create_dir(place.path("here")).expect("a new folder");
     for _ in 0..2 {
-        let mut command = place.command(&["track", "-c", "../c.toml", "--no-video", "--no-report", "-o", "."]);
-        let output = command.arg(&video).current_dir(place.path("here")).output().expect("it starts");
-        assert!(output.status.success(), "{}", errors(&output));
+        let mut command = place.command(["track", "-c", "../c.toml", "--no-video", "--no-report", "-o", "."]);
+        done(command.arg(&video).current_dir(place.path("here")));
         assert_eq!(place.names("here"), ["boxes.txt", "run.json", "track.csv"]);
     }
 }
@@ -175,7 +168,7 @@ fn whenever_it_is_killed_one_run_is_whole() {
     place.boxes("out", &["video", "--until", "4"]);
     let args = ["track", "video", "-c", "c.toml", "-o", "out", "--no-video", "--no-report"];
     let began = Instant::now();
-    assert!(place.command(&args).output().expect("it starts").status.success());
+    place.done(args);
     let long = began.elapsed();
     let (mut new, mut old) = (0, 0);
     for i in 0..24 {
@@ -198,11 +191,10 @@ fn whenever_it_is_killed_one_run_is_whole() {
 fn a_limit_on_files_is_an_error() {
     let place = Place::new();
     let args = ["track", "video", "-c", "c.toml", "-o", "out"];
-    assert!(place.run(&args).status.success());
+    place.done(args);
     let before = files(&place, "out");
-    let program = place.command(&[]).get_program().to_owned();
     let mut command = std::process::Command::new("bash");
-    command.current_dir(place.path("")).args(["-c", "ulimit -f 4 && exec \"$@\"", "bash"]).arg(program).args(args);
+    command.current_dir(place.path("")).args(["-c", "ulimit -f 4 && exec \"$@\"", "bash", PROGRAM]).args(args);
     let output = command.output().expect("bash");
     let said = errors(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");

@@ -6,10 +6,9 @@ use crate::place::{Place, errors};
 #[test]
 fn the_boxes_are_the_same() {
     let place = Place::new();
-    let film = place.run(&["track", "video", "-c", "c.toml", "--no-report", "-o", "film"]);
-    assert!(film.status.success(), "{}", errors(&film));
+    place.done(["track", "video", "-c", "c.toml", "--no-report", "-o", "film"]);
     std::fs::rename(place.path("film/annotated.mp4"), place.path("video.mp4")).expect("a film");
-    let first = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let first = place.text("video/groundtruth_rect.txt");
     let first = first.lines().next().expect("a box").replace(['\t', ' '], ",");
     for source in ["video", "video.mp4"] {
         let args = [source, "--init", &first];
@@ -20,7 +19,7 @@ fn the_boxes_are_the_same() {
     let mut bytes = place.read("video.mp4");
     let middle = bytes.len() / 2;
     bytes[middle..].fill(0);
-    std::fs::write(place.path("bad.mp4"), bytes).expect("a file");
+    place.write("bad.mp4", bytes);
     let args = ["bad.mp4", "--init", &first, "--decoder", "builtin"];
     let free = place.track("failed", &args);
     let apart = place.track("failed", &[&args[..], &["--sandbox"]].concat());
@@ -31,7 +30,7 @@ fn the_boxes_are_the_same() {
 #[test]
 fn what_has_no_sandbox_is_refused() {
     let place = Place::new();
-    std::fs::write(place.path("a.y4m"), "YUV4MPEG2 W4 H2 F10:1 Cmono\nFRAME\n12345678").expect("a file");
+    place.write("a.y4m", "YUV4MPEG2 W4 H2 F10:1 Cmono\nFRAME\n12345678");
     for (args, word) in [
         (&["a.y4m"][..], "alone; convert it"),
         (&["-"], "alone; give a file"),

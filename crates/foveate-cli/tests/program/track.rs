@@ -1,22 +1,19 @@
 //! `foveate track` as a user meets it: files in, files out, and its errors.
 
 use foveate_testing::need;
-use std::path::Path;
 
-use crate::place::{CONFIG, FRAMES, Place, errors};
+use crate::place::{CONFIG, FRAMES, Place, errors, json, printed};
 
 #[test]
 fn every_file_is_there_with_a_line_for_each_frame() {
     let place = Place::new();
-    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "all", "--trace"]);
-    assert!(output.status.success(), "{}", errors(&output));
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let said = printed(&place.done(["track", "video", "-c", "c.toml", "-o", "all", "--trace"]));
     for words in ["10 frames tracked, occluded in ", ", lost in ", " in the tracker, ", " end to end.", "boxes.txt"] {
         assert!(said.contains(words), "{said}");
     }
     assert_eq!(place.lines("all/boxes.txt"), FRAMES);
     assert_eq!(place.lines("all/track.csv"), FRAMES + 1, "names of columns first");
-    let text = String::from_utf8(place.read("all/trace.jsonl")).expect("text");
+    let text = place.text("all/trace.jsonl");
     assert!(text.lines().all(|line| serde_json::from_str::<serde_json::Value>(line).is_ok()));
     assert!(text.lines().count() >= FRAMES);
     assert_eq!(&place.read("all/annotated.mp4")[4..8], b"ftyp");
@@ -24,7 +21,7 @@ fn every_file_is_there_with_a_line_for_each_frame() {
     assert!(place.read("all/surface.png").starts_with(b"\x89PNG"));
     // Without --init the first line of the truth is the start.
     let first = |name: &str| -> Vec<f64> {
-        let text = String::from_utf8(place.read(name)).expect("text");
+        let text = place.text(name);
         text.lines().next().expect("a line").split([',', '\t']).map(|n| n.trim().parse().expect("a number")).collect()
     };
     assert_eq!(first("all/boxes.txt"), first("video/groundtruth_rect.txt"));
@@ -33,22 +30,20 @@ fn every_file_is_there_with_a_line_for_each_frame() {
     place.boxes("few", &["video"]);
     assert_eq!(place.names("few"), ["boxes.txt", "run.json", "track.csv"], "no trace unless asked for");
     // The command of the report is one for a shell.
-    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "two words", "--no-video"]);
-    assert!(output.status.success(), "{}", errors(&output));
-    assert!(String::from_utf8_lossy(&place.read("two words/report.html")).contains("-o 'two words' --no-video"));
+    place.done(["track", "video", "-c", "c.toml", "-o", "two words", "--no-video"]);
+    assert!(place.text("two words/report.html").contains("-o 'two words' --no-video"));
 }
 
 /// A frame without a true box takes nothing from those after it.
 #[test]
 fn truth_may_have_gaps() {
     let place = Place::new();
-    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let truth = place.text("video/groundtruth_rect.txt");
     let gap = |(i, line)| if i == 2 { "NaN,NaN,NaN,NaN\n".to_owned() } else { format!("{line}\n") };
     let truth: String = truth.lines().enumerate().map(gap).collect();
-    std::fs::write(place.path("video/groundtruth_rect.txt"), truth).expect("written");
-    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "out"]);
-    assert!(output.status.success(), "{}", errors(&output));
-    let page = String::from_utf8(place.read("out/report.html")).expect("text");
+    place.write("video/groundtruth_rect.txt", truth);
+    place.done(["track", "video", "-c", "c.toml", "-o", "out"]);
+    let page = place.text("out/report.html");
     let known = page.split_once("\"true_x\":[").expect("a column").1.split(']').next().expect("its values");
     let known: Vec<bool> = known.split(',').map(|value| value != "null").collect();
     assert_eq!(known, (0..FRAMES).map(|i| i != 2).collect::<Vec<_>>());
@@ -61,12 +56,11 @@ fn regret_is_written_and_changes_no_box() {
     assert_eq!(place.boxes("regret", &["video", "--regret"]), plain);
     assert_eq!(place.read("plain/track.csv"), place.read("regret/track.csv"));
     assert_eq!(place.lines("regret/regret.csv"), FRAMES, "names of columns, and each frame that was tracked");
-    let text = String::from_utf8(place.read("regret/regret.csv")).expect("text");
+    let text = place.text("regret/regret.csv");
     assert!(text.starts_with("frame,gaze_u,gaze_v,reward,best_reward,regret,cumulative_regret"), "{text}");
-    assert!(String::from_utf8(place.read("regret/regret.svg")).expect("text").contains("summed regret"));
-    let output = place.run(&["track", "video", "-c", "c.toml", "--no-video", "--regret", "-o", "page"]);
-    assert!(output.status.success(), "{}", errors(&output));
-    assert!(String::from_utf8(place.read("page/report.html")).expect("text").contains("\"regret\":{"));
+    assert!(place.text("regret/regret.svg").contains("summed regret"));
+    place.done(["track", "video", "-c", "c.toml", "--no-video", "--regret", "-o", "page"]);
+    assert!(place.text("page/report.html").contains("\"regret\":{"));
 }
 
 #[test]
@@ -91,7 +85,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
         place.boxes("one", &["video", "--every", "2", "--from", "2", "--until", "5", "--save-state", "e.json"]);
     parts.extend(place.boxes("two", &["video", "--every", "2", "--load-state", "e.json"]));
     assert_eq!(parts, whole);
-    let text = String::from_utf8(place.read("s.json")).expect("text");
+    let text = place.text("s.json");
     for (bad, words) in [
         ("{}".into(), "not a state written by --save-state"),
         (text[..text.len() / 2].to_owned(), "not a state written by --save-state"),
@@ -105,7 +99,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
         (r#"{"next_frame":1,"tracker":null}"#.into(), "not a state written by --save-state"),
         (text.replace("\"format\":", "\"format\":1"), "saved tracker"),
     ] {
-        std::fs::write(place.path("bad.json"), bad).expect("a writable folder");
+        place.write("bad.json", bad);
         let error = place.failure(&["video", "--load-state", "bad.json"]);
         assert!(error.contains(words), "{error}");
     }
@@ -126,15 +120,14 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
 #[test]
 fn json_and_boxes_given_again() {
     let place = Place::new();
-    let output = place.track("json", &["video", "--init", "50,60,28,28", "--reinit", "6:20,30,10.5,12", "--json"]);
-    assert!(output.status.success(), "{}", errors(&output));
-    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone on the standard output");
+    let args = ["video", "--init", "50,60,28,28", "--reinit", "6:20,30,10.5,12", "--json"];
+    let summary = json(&place.tracked("json", &args));
     assert_eq!((summary["frames"].as_u64(), summary["seed"].as_u64()), (Some(FRAMES as u64), Some(0)));
     assert!(summary["error"].is_null(), "{summary}");
     for key in ["occluded_frames", "lost_frames", "outside_frames", "total_fps", "total_seconds"] {
         assert!(summary[key].is_number(), "{key}: {summary}");
     }
-    let text = String::from_utf8(place.read("json/boxes.txt")).expect("text");
+    let text = place.text("json/boxes.txt");
     assert_eq!(text.lines().next(), Some("50.000,60.000,28.000,28.000"));
     assert_eq!(text.lines().nth(5), Some("20.000,30.000,10.500,12.000"));
 }
@@ -143,16 +136,14 @@ fn json_and_boxes_given_again() {
 fn mistakes_have_clear_errors() {
     let place = Place::new();
     // The profiles are of one target.
-    let profile = place.run(&["track", "video", "--detect", "--profile", "fast", "-o", "no"]);
-    assert!(!profile.status.success() && errors(&profile).contains("--profile is for one target"), "{profile:?}");
+    place.refuses(["track", "video", "--detect", "--profile", "fast", "-o", "no"], "--profile is for one target");
     std::fs::create_dir(place.path("empty")).expect("a new folder");
-    std::fs::create_dir_all(place.path("alone")).expect("a new folder");
-    std::fs::copy(place.path("video/img/0001.png"), place.path("alone/0001.png")).expect("copied");
-    std::fs::write(place.path("wrong.toml"), CONFIG.replace("gamma", "gama")).expect("a writable folder");
-    std::fs::write(place.path("head.y4m"), "YUV4MPEG2 W64 H48 F30:1 C420\n").expect("a writable folder");
-    std::fs::write(place.path("last.txt"), "10,1,9,9,20,20,1\n").expect("a writable folder");
-    std::fs::write(place.path("late.txt"), "11,1,9,9,20,20,1\n").expect("a writable folder");
-    std::fs::write(place.path("far.txt"), "1,1,9,9,20,20,1\n2,2,900,9,20,20,1\n").expect("a writable folder");
+    place.write("alone/0001.png", place.read("video/img/0001.png"));
+    place.write("wrong.toml", CONFIG.replace("gamma", "gama"));
+    place.write("head.y4m", "YUV4MPEG2 W64 H48 F30:1 C420\n");
+    place.write("last.txt", "10,1,9,9,20,20,1\n");
+    place.write("late.txt", "11,1,9,9,20,20,1\n");
+    place.write("far.txt", "1,1,9,9,20,20,1\n2,2,900,9,20,20,1\n");
     let mut missing = vec![];
     for (args, words) in [
         (&["nowhere", "--init", "1,1,20,20"][..], &["nowhere"][..]),
@@ -206,10 +197,10 @@ fn mistakes_have_clear_errors() {
     }
     assert!(missing.is_empty(), "{}", missing.join("\n"));
     assert!(!place.path("failed").exists(), "nothing was made");
-    let output = place.run(&["track", "video", "-c", "wrong.toml", "-o", "failed"]);
+    let output = place.run(["track", "video", "-c", "wrong.toml", "-o", "failed"]);
     let error = errors(&output);
     assert!(!output.status.success() && error.contains("wrong.toml") && error.contains("line 14"), "{error}");
-    let error = errors(&place.run(&["track", "video", "-c", "nothing", "-o", "failed"]));
+    let error = errors(&place.run(["track", "video", "-c", "nothing", "-o", "failed"]));
     assert!(error.contains("nothing") && error.contains("natural") && error.contains("digits"), "{error}");
 }
 
@@ -233,17 +224,14 @@ fn a_build_without_onnx_says_so() {
 #[test]
 fn a_source_that_breaks_half_way_keeps_what_was_tracked() {
     let place = Place::new();
-    let cut = |name: &Path| {
-        let bytes = std::fs::read(name).expect("a picture");
-        std::fs::write(name, &bytes[..bytes.len() / 2]).expect("a writable folder");
-    };
-    cut(&place.path("video/img/0006.png"));
+    let picture = place.read("video/img/0006.png");
+    place.write("video/img/0006.png", &picture[..picture.len() / 2]);
     let half = ["track", "video", "-c", "c.toml", "-o", "half", "--trace", "--json", "--save-state", "s.json"];
     let output = place.run(&half);
     assert_eq!(output.status.code(), Some(1));
     let error = errors(&output);
     assert!(error.contains("0006.png") && error.contains("frame 6") && !error.contains("panicked"), "{error}");
-    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone on the standard output");
+    let summary = json(&output);
     assert_eq!(summary["frames"].as_u64(), Some(5));
     assert!(summary["error"].as_str().is_some_and(|e| e.contains("frame 6")), "{summary}");
     assert_eq!((place.lines("half/boxes.txt"), place.lines("half/track.csv")), (5, 6));
@@ -253,8 +241,8 @@ fn a_source_that_breaks_half_way_keeps_what_was_tracked() {
     assert!(place.path("s.json").is_file(), "the state of the last good frame");
 
     // A film cut in its middle: what could be decoded is kept as well.
-    let film = std::fs::read(place.path("half/annotated.mp4")).expect("a film");
-    std::fs::write(place.path("cut.mp4"), &film[..film.len() / 2]).expect("a writable folder");
+    let film = place.read("half/annotated.mp4");
+    place.write("cut.mp4", &film[..film.len() / 2]);
     let output = place.track("film", &["cut.mp4", "--init", "50,60,28,28"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("cut.mp4") && !errors(&output).contains("panicked"), "{}", errors(&output));
@@ -278,9 +266,7 @@ fn policy_and_settings_from_the_command_line() {
 fn a_detector_runs_once() {
     let place = Place::new();
     let message = |args: &[&str]| {
-        let output = place.track("many", &[&["video", "--json"][..], args].concat());
-        assert!(output.status.success(), "{}", errors(&output));
-        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        let summary = json(&place.tracked("many", &[&["video", "--json"][..], args].concat()));
         (summary["detector"].as_str().expect("a text").to_owned(), place.read("many/tracks.txt"))
     };
     let detector = ["--set", "detector.kind=motion"];
@@ -293,11 +279,11 @@ fn a_detector_runs_once() {
     assert_eq!(both, ours, "one detector, not two");
     let (name, _) = message(&[&["--init", "50,60,28,28", "--init", "90,90,28,28"][..], &detector].concat());
     assert_eq!(name, "motion, the configuration's");
-    std::fs::write(place.path("d.txt"), "1,-1,9,9,20,20,1\n").expect("a writable folder");
+    place.write("d.txt", "1,-1,9,9,20,20,1\n");
     let (name, _) = message(&[&["--detections", "d.txt"][..], &detector].concat());
     assert_eq!(name, "d.txt, in the place of the configuration's motion");
     // A box that comes after the last frame is no reason to stop.
-    std::fs::write(place.path("last.txt"), "10,1,9,9,20,20,1\n").expect("a writable folder");
+    place.write("last.txt", "10,1,9,9,20,20,1\n");
     let (name, _) = message(&[&["--inits", "last.txt", "--until", "8"][..], &detector].concat());
     assert_eq!(name, "motion, the configuration's");
 }
@@ -305,10 +291,8 @@ fn a_detector_runs_once() {
 #[test]
 fn useless_detections_are_reported() {
     let place = Place::new();
-    std::fs::write(place.path("d.txt"), "1,-1,9000,9,20,20,1\n2,-1,9,-90,20,20,1\n99,-1,9,9,20,20,1\n")
-        .expect("written");
-    let output = place.track("many", &["video", "--detections", "d.txt"]);
-    assert!(output.status.success(), "{}", errors(&output));
+    place.write("d.txt", "1,-1,9000,9,20,20,1\n2,-1,9,-90,20,20,1\n99,-1,9,9,20,20,1\n");
+    let output = place.tracked("many", &["video", "--detections", "d.txt"]);
     for words in ["d.txt: 2 of its boxes lie outside the", "d.txt: 1 of its boxes lie in frames after frame 10"] {
         assert!(errors(&output).contains(words), "{words}: {}", errors(&output));
     }
@@ -317,22 +301,14 @@ fn useless_detections_are_reported() {
 /// Where ffmpeg is installed: a file that it calls whole, though it was cut, ends with an error, and what came is kept.
 #[test]
 fn a_cut_matroska_file_is_reported() {
-    let ffmpeg = |args: &[&str], place: &Place| {
-        std::process::Command::new("ffmpeg")
-            .current_dir(place.path(""))
-            .args(args)
-            .output()
-            .is_ok_and(|o| o.status.success())
-    };
     let place = Place::new();
     need!(foveate_testing::ffmpeg());
-    let made =
-        ["-v", "error", "-f", "lavfi", "-i", "testsrc=size=160x120:rate=25:duration=2", "-c:v", "mpeg4", "a.mkv"];
-    assert!(ffmpeg(&made, &place), "a video is made");
+    let made = "-v error -f lavfi -i testsrc=size=160x120:rate=25:duration=2 -c:v mpeg4 a.mkv";
+    let made = std::process::Command::new("ffmpeg").current_dir(place.path("")).args(made.split(' ')).status();
+    assert!(made.is_ok_and(|status| status.success()), "a video is made");
     let bytes = place.read("a.mkv");
-    std::fs::write(place.path("cut.mkv"), &bytes[..bytes.len() / 2]).expect("a writable folder");
-    let whole = place.track("whole", &["a.mkv", "--init", "50,60,28,28"]);
-    assert!(whole.status.success(), "{}", errors(&whole));
+    place.write("cut.mkv", &bytes[..bytes.len() / 2]);
+    place.tracked("whole", &["a.mkv", "--init", "50,60,28,28"]);
     assert_eq!(place.lines("whole/boxes.txt"), 50);
     let cut = place.track("cut", &["cut.mkv", "--init", "50,60,28,28"]);
     assert_eq!(cut.status.code(), Some(1));
@@ -347,13 +323,11 @@ fn a_box_outside_the_picture_is_no_result() {
     let place = Place::new();
     let wild = ["--set", "dynamics.damping=1.0", "--set", "dynamics.velocity=9.0", "--set", "particles=5"];
     let args = [&["video", "--init", "50,60,28,28"][..], &wild].concat();
-    let output = place.track("far", &args);
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let said = printed(&place.track("far", &args));
     assert!(said.contains("Last box: outside the picture, as in "), "{said}");
-    let output = place.track("far", &[&args[..], &["--json"]].concat());
-    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let summary = json(&place.track("far", &[&args[..], &["--json"]].concat()));
     assert!(summary["bbox"].is_null() && summary["outside_frames"].as_u64() > Some(3), "{summary}");
-    let text = String::from_utf8(place.read("far/boxes.txt")).expect("text");
+    let text = place.text("far/boxes.txt");
     for line in text.lines() {
         let [x, y, w, h] = line.split(',').map(|n| n.parse().expect("a number")).collect::<Vec<f64>>()[..] else {
             panic!("{line}");
@@ -361,7 +335,7 @@ fn a_box_outside_the_picture_is_no_result() {
         // Counted from 1: the picture has the columns 1 to 250 and the rows 1 to 200.
         assert!(x < 251.0 && y < 201.0 && x + w > 1.0 && y + h > 1.0, "{line}");
     }
-    let last = String::from_utf8(place.read("far/track.csv")).expect("text").lines().last().expect("a line").to_owned();
+    let last = place.text("far/track.csv").lines().last().expect("a line").to_owned();
     let left: f64 = last.split(',').nth(2).expect("the left edge").parse().expect("a number");
     let top: f64 = last.split(',').nth(3).expect("the top edge").parse().expect("a number");
     assert!(!(-28.0..250.0).contains(&left) || !(-28.0..200.0).contains(&top), "{left}, {top}");
@@ -370,26 +344,23 @@ fn a_box_outside_the_picture_is_no_result() {
 #[test]
 fn a_video_in_tiles_is_read_by_regions() {
     let place = Place::new();
-    let run = |args: &[&str]| place.run(args);
-    assert!(run(&["tiles", "video", "--out", "tiles", "--side", "16", "--levels", "3"]).status.success());
+    place.done(["tiles", "video", "--out", "tiles", "--side", "16", "--levels", "3"]);
     let mut names = place.names("tiles");
     assert_eq!((names.pop().as_deref(), names.len()), (Some("times.txt"), FRAMES));
-    let times = String::from_utf8(place.read("tiles/times.txt")).expect("text");
+    let times = place.text("tiles/times.txt");
     assert_eq!(times.lines().count(), FRAMES);
     for (until, said) in [("0", "0 is not in 1.."), ("99", "--until 99: the video has 10 frames")] {
-        let output = run(&["tiles", "video", "--out", "none", "--until", until]);
-        assert!(!output.status.success() && errors(&output).contains(said), "{}", errors(&output));
+        place.refuses(["tiles", "video", "--out", "none", "--until", until], said);
     }
     assert!(!place.path("none").exists());
     assert_eq!(place.names("tiles/000001"), ["0", "1", "2"]);
-    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let truth = place.text("video/groundtruth_rect.txt");
     let first = truth.lines().next().expect("a line").replace('\t', ",");
-    let followed = run(&["track", "tiles", "--init", &first, "--config", "foveated", "--no-report", "-o", "o"]);
-    assert!(followed.status.success(), "{}", errors(&followed));
+    place.done(["track", "tiles", "--init", &first, "--config", "foveated", "--no-report", "-o", "o"]);
     assert_eq!(place.names("o"), ["annotated.mp4", "boxes.txt", "run.json", "track.csv"]);
     assert_eq!(&place.read("o/annotated.mp4")[4..8], b"ftyp", "a film of what was read");
     assert_eq!(place.lines("o/boxes.txt"), FRAMES);
-    let table = String::from_utf8(place.read("o/track.csv")).expect("text");
+    let table = place.text("o/track.csv");
     let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
     let read = rows[0].iter().position(|name| *name == "share_read").expect("a column");
     let shares: Vec<f64> = rows[2..].iter().map(|row| row[read].parse().expect("a number")).collect();
@@ -399,12 +370,9 @@ fn a_video_in_tiles_is_read_by_regions() {
         (&["--config", "foveated", "--scale", "0.3"], "0.5, 0.25"),
         (&["--detect", "walkers"], "not tiles"),
     ] {
-        let mut all = vec!["track", "tiles", "--init", &first, "-o", "p"];
-        all.extend_from_slice(args);
-        let output = run(&all);
-        assert!(!output.status.success() && errors(&output).contains(words), "{args:?}: {}", errors(&output));
+        place.refuses([&["track", "tiles", "--init", &first, "-o", "p"][..], args].concat(), words);
     }
-    assert!(errors(&run(&["tiles", "video", "--out", "tiles"])).contains("exists"));
-    assert!(!run(&["tiles", "nothing.mp4", "--out", "none"]).status.success());
+    place.refuses(["tiles", "video", "--out", "tiles"], "exists");
+    assert!(!place.run(["tiles", "nothing.mp4", "--out", "none"]).status.success());
     assert!(!place.path("none").exists());
 }

@@ -14,7 +14,7 @@ struct Client {
 
 impl Client {
     fn new(place: &Place, args: &[&str]) -> Self {
-        let mut command = place.command(&[&["trax", "-c", "c.toml"][..], args].concat());
+        let mut command = place.command([&["trax", "-c", "c.toml"][..], args].concat());
         let command = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("it starts");
         let (input, output) = (child.stdin.take(), BufReader::new(child.stdout.take().expect("a pipe")));
@@ -52,7 +52,7 @@ fn image(place: &Place, frame: usize) -> String {
 
 /// The first true box, counted from 0, as numbers in a line.
 fn first(place: &Place) -> [f64; 4] {
-    let text = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let text = place.text("video/groundtruth_rect.txt");
     let numbers = text.lines().next().expect("a line").split(',').map(|n| n.parse().expect("a number"));
     let [x, y, w, h]: [f64; 4] = numbers.collect::<Vec<_>>().try_into().expect("four");
     [x - 1.0, y - 1.0, w, h]
@@ -167,6 +167,6 @@ fn damage_is_reported_and_ends_the_session() {
         assert!(!well && errors.contains(said) && !errors.contains("panicked"), "{said}: {errors}");
     }
     // A configuration that is none ends before hello.
-    let output = place.run(&["trax", "-c", "none"]);
+    let output = place.run(["trax", "-c", "none"]);
     assert!(!output.status.success() && output.stdout.is_empty());
 }

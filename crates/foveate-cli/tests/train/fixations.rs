@@ -5,22 +5,14 @@ use std::process::Command;
 
 use crate::training::{fails, said, train};
 
-/// Digits that are bars, level (even) or upright (odd), as IDX files: 120 to learn from, 40 to test with.
+/// Digits that are bars, level (even) or upright (odd): 120 to learn from, 40 to test with.
 fn write_digits(dir: &Path) {
-    for (name, n) in [("train", 120u32), ("t10k", 40)] {
-        let mut images = [2051, n, 28, 28].map(u32::to_be_bytes).concat();
-        let mut labels = [2049, n].map(u32::to_be_bytes).concat();
-        for i in 0..n {
-            let (long, short) = (5..23, 11 + i % 3..16 + i % 3);
-            images.extend((0..784u32).map(|p| {
-                let (x, y) = if i % 2 == 0 { (p % 28, p / 28) } else { (p / 28, p % 28) };
-                if long.contains(&x) && short.contains(&y) { 255 } else { 0 }
-            }));
-            labels.push((i % 2) as u8);
-        }
-        std::fs::write(dir.join(format!("{name}-images-idx3-ubyte")), images).expect("a writable folder");
-        std::fs::write(dir.join(format!("{name}-labels-idx1-ubyte")), labels).expect("a writable folder");
-    }
+    let inside = |i, x, y| {
+        let (x, y) = if i % 2 == 0 { (x, y) } else { (y, x) };
+        (5..23).contains(&x) && (11 + i % 3..16 + i % 3).contains(&y)
+    };
+    foveate_testing::write_digits(dir, "train", 120, 2, inside);
+    foveate_testing::write_digits(dir, "t10k", 40, 2, inside);
 }
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {

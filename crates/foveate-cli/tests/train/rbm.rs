@@ -5,19 +5,10 @@ use std::process::Command;
 
 use crate::training::{fails, train, whole_and_cut};
 
-/// A set of digits that are rectangles of many shapes, as IDX files.
+/// Digits that are rectangles of many shapes.
 fn write_digits(dir: &Path) {
-    let n = 60u32;
-    let mut images = [2051, n, 28, 28].map(u32::to_be_bytes).concat();
-    let mut labels = [2049, n].map(u32::to_be_bytes).concat();
-    for i in 0..n {
-        let inside =
-            |p: u32| (4 + i % 7..20 + i % 5).contains(&(p % 28)) && (6 + i % 4..14 + i % 11).contains(&(p / 28));
-        images.extend((0..784).map(|p| if inside(p) { 255 } else { 0 }));
-        labels.push((i % 10) as u8);
-    }
-    std::fs::write(dir.join("train-images-idx3-ubyte"), images).expect("a writable folder");
-    std::fs::write(dir.join("train-labels-idx1-ubyte"), labels).expect("a writable folder");
+    let inside = |i, x, y| (4 + i % 7..20 + i % 5).contains(&x) && (6 + i % 4..14 + i % 11).contains(&y);
+    foveate_testing::write_digits(dir, "train", 60, 10, inside);
 }
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
