@@ -1,52 +1,33 @@
 //! `foveate train confidence`.
 
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::training::{fails, said};
+use crate::place::{Place, done, errors, printed};
+use crate::training::fails;
 
-fn fit(dir: &Path, out: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    command.args([
-        "train",
-        "confidence",
-        "--config",
-        "digits",
-        "--seeds",
-        "4",
-        "--rounds",
-        "2",
-        "--threads",
-        "2",
-        "--seqs",
-    ]);
-    command.arg(dir.join("seqs")).arg("--out").arg(dir.join(out)).stdout(Stdio::piped()).stderr(Stdio::piped());
-    command
+fn fit(place: &Place, out: &str) -> Command {
+    let args = "train confidence --config digits --seeds 4 --rounds 2 --threads 2 --seqs seqs --out";
+    place.command(args.split(' ').chain([out]))
 }
 
 /// Killed while it tracks, a fit continues with the stored tracks, to the same table; what is done is removed, and nothing
 /// else that lies there.
 #[test]
 fn a_fit_that_was_killed_goes_on() {
-    let dir = tempfile::tempdir().expect("a temporary folder");
+    let place = Place::empty();
     for digit in ["3", "7"] {
-        let mut synth = Command::new(env!("CARGO_BIN_EXE_foveate"));
-        synth.args(["synth", "clutter", "--digit", digit, "--frames", "120", "--out"]);
-        synth.arg(dir.path().join("seqs").join(digit));
-        said(synth);
+        place.done(["synth", "clutter", "--digit", digit, "--frames", "120", "--out", &format!("seqs/{digit}")]);
     }
-    let table = |out: &str| {
-        let text = std::fs::read_to_string(dir.path().join(out)).expect("a table");
-        text.split_once('\n').expect("the command, and the table").1.to_owned()
-    };
-    let whole = said(fit(dir.path(), "whole.toml"));
-    assert!(!dir.path().join("whole.runs").exists(), "what is finished begins anew");
+    let table = |out| place.text(out).split_once('\n').expect("the command, and the table").1.to_owned();
+    let whole = printed(&done(&mut fit(&place, "whole.toml")));
+    assert!(!place.path("whole.runs").exists(), "what is finished begins anew");
 
     // Not files being written under another name.
     let kept = |file: &std::fs::DirEntry| file.path().extension().is_some_and(|end| end == "json");
-    let runs = || std::fs::read_dir(dir.path().join("cut.runs")).map_or(0, |all| all.flatten().filter(kept).count());
-    let mut child = fit(dir.path(), "cut.toml").spawn().expect("it runs");
+    let runs = || std::fs::read_dir(place.path("cut.runs")).map_or(0, |all| all.flatten().filter(kept).count());
+    let mut command = fit(&place, "cut.toml");
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
     let began = Instant::now();
     while runs() < 2 {
         assert!(began.elapsed() < Duration::from_secs(60) && child.try_wait().expect("a child").is_none());
@@ -54,52 +35,45 @@ fn a_fit_that_was_killed_goes_on() {
     }
     child.kill().expect("it still runs");
     child.wait().expect("it ends");
-    assert!(runs() >= 2 && !dir.path().join("cut.toml").exists());
-    let other = dir.path().join("cut.runs/note.txt");
-    std::fs::write(&other, "mine").expect("it can be written");
-    let last = fit(dir.path(), "cut.toml").output().expect("it runs");
-    let message = String::from_utf8_lossy(&last.stderr);
+    assert!(runs() >= 2 && !place.path("cut.toml").exists());
+    place.write("cut.runs/note.txt", "mine");
+    let last = done(&mut fit(&place, "cut.toml"));
+    let message = errors(&last);
     let (first, _) = message.split_once(" of them from ").expect("how many runs were kept");
-    assert!(last.status.success() && !first.ends_with(" 0"), "{message}");
+    assert!(!first.ends_with(" 0"), "{message}");
     assert_eq!(table("cut.toml"), table("whole.toml"));
-    assert_eq!(String::from_utf8_lossy(&last.stdout).replace("cut.", "whole."), whole);
-    assert!(other.exists() && runs() == 0, "{} are left", runs());
+    assert_eq!(printed(&last).replace("cut.", "whole."), whole);
+    assert!(place.path("cut.runs/note.txt").exists() && runs() == 0, "{} are left", runs());
 }
 
 /// An output that cannot be written, or that would replace an input, is an error before any video is opened.
 #[test]
 fn unwritable_results_are_refused_at_once() {
-    let dir = tempfile::tempdir().expect("a temporary folder");
-    std::fs::create_dir(dir.path().join("folder")).expect("a folder");
-    fails(fit(dir.path(), "folder"), "expected a file to write to, found a folder");
-    fails(fit(dir.path(), "nowhere/table.toml"), "there is no folder");
-    let with = |option: &str, value: &Path| {
-        let mut command = fit(dir.path(), "table.toml");
-        command.arg(option).arg(value);
+    let place = Place::empty();
+    std::fs::create_dir(place.path("folder")).expect("a folder");
+    fails(fit(&place, "folder"), "expected a file to write to, found a folder");
+    fails(fit(&place, "nowhere/table.toml"), "there is no folder");
+    let with = |more: &[&str]| {
+        let mut command = fit(&place, "table.toml");
+        command.args(more);
         command
     };
-    fails(with("--cues", &dir.path().join("folder")), "expected a file to write to, found a folder");
+    fails(with(&["--cues", "folder"]), "expected a file to write to, found a folder");
     for name in ["table.toml", "table.svg", "table.runs"] {
-        fails(with("--cues", &dir.path().join(name)), "are written under the same name");
+        fails(with(&["--cues", name]), "are written under the same name");
     }
-    fails(fit(dir.path(), "table.svg"), "its plot gets the same name");
-    fails(fit(dir.path(), "table.runs"), "the folder of its finished tracks gets the same name");
-    let mut second = fit(dir.path(), "table.toml");
-    second.arg("--only-second-opinion");
-    fails(second, "--only-second-opinion: digits has none; add second_opinion");
-    let mut committee = fit(dir.path(), "table.toml");
-    committee.args(["--set", "committee=2"]);
-    fails(committee, "fit a member: --set committee=1");
-    let mut two = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    two.args(["train", "confidence", "--config", "digits-{other}.toml", "--seqs", ".", "--out", "table.toml"]);
-    two.current_dir(dir.path());
+    fails(fit(&place, "table.svg"), "its plot gets the same name");
+    fails(fit(&place, "table.runs"), "the folder of its finished tracks gets the same name");
+    fails(with(&["--only-second-opinion"]), "--only-second-opinion: digits has none; add second_opinion");
+    fails(with(&["--set", "committee=2"]), "fit a member: --set committee=1");
     for (half, bias) in [("a", "bias = 1.0"), ("b", "bias = 2.0")] {
         let text = include_str!("../../../foveate-core/configs/digits.toml").replace("bias = 1.521", bias);
-        std::fs::write(dir.path().join(format!("digits-{half}.toml")), text).expect("a writable folder");
+        place.write(&format!("digits-{half}.toml"), text);
     }
-    fails(two, "[confidence] of the two halves differs");
+    let two = "train confidence --config digits-{other}.toml --seqs . --out table.toml";
+    place.refuses(two.split(' '), "[confidence] of the two halves differs");
     for half in ["a", "b"] {
-        std::fs::remove_file(dir.path().join(format!("digits-{half}.toml"))).expect("it was written");
+        std::fs::remove_file(place.path(&format!("digits-{half}.toml"))).expect("it was written");
     }
-    assert_eq!(std::fs::read_dir(dir.path()).expect("a folder").count(), 1, "nothing was made");
+    assert_eq!(place.names(""), ["folder"], "nothing was made");
 }

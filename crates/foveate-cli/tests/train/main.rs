@@ -5,6 +5,8 @@ mod confidence;
 mod fixations;
 mod kmeans;
 mod photographs;
+#[path = "../place/mod.rs"]
+mod place;
 mod rbm;
 mod training;
 mod variation;

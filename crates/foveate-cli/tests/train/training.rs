@@ -5,11 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The program that is tested: `foveate`, or another with its commands.
-const PROGRAM: &str = match (option_env!("CARGO_BIN_EXE_foveate"), option_env!("CARGO_BIN_EXE_paper")) {
-    (Some(program), _) | (None, Some(program)) => program,
-    (None, None) => panic!("tests are built with a program"),
-};
+use crate::place::{PROGRAM, done, failed, printed};
 
 /// `foveate train` with these arguments and settings (`key=value`), on the data in a folder, to a model in the same folder.
 pub(crate) fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Command {
@@ -24,16 +20,13 @@ pub(crate) fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Com
 
 /// The output of a command that succeeds.
 pub(crate) fn said(mut command: Command) -> String {
-    let output = command.output().expect("it runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8_lossy(&output.stdout).into_owned()
+    printed(&done(&mut command))
 }
 
 /// A command that fails with these words, without a panic.
 pub(crate) fn fails(mut command: Command, words: &str) {
-    let output = command.output().expect("it runs");
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!output.status.success() && text.contains(words) && !text.contains("panicked"), "{text}");
+    let text = failed(&command.output().expect("it runs"));
+    assert!(text.contains(words), "{text}");
 }
 
 /// A training whose model is `whole.safetensors`; and one of `cut.safetensors` that is killed (-9) whenever one of these
@@ -42,7 +35,8 @@ pub(crate) fn whole_and_cut(dir: &Path, train: &dyn Fn(&'static str) -> Command,
     let whole = said(train("whole.safetensors"));
     assert!(!dir.join("whole.safetensors.checkpoint").exists(), "a finished training needs no checkpoint");
     for start in lines {
-        let mut child = train("cut.safetensors").spawn().expect("it runs");
+        let mut command = train("cut.safetensors");
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
         let out = BufReader::new(child.stdout.take().expect("piped"));
         out.lines().map_while(Result::ok).find(|line| line.starts_with(start)).expect("the epoch comes");
         child.kill().expect("it still runs, or has ended");
