@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Output;
 use std::sync::Arc;
 
-use super::{boxes, run, text, video};
+use super::{boxes, done, run, text, video};
 use foveate_testing::{ffmpeg, need};
 
 /// How the server answers.
@@ -102,9 +102,7 @@ pub(crate) fn clips(folder: &Path, frames: usize) -> Result<(), String> {
 }
 
 pub(crate) fn track(folder: &Path, source: &str, out: &str, more: &[&str]) -> Output {
-    let output = run(folder, &[&[source, "--out", out, "--no-video"], more].concat(), vec![]);
-    assert!(output.status.success(), "{source}: {}", text(&output.stderr));
-    output
+    done(folder, &[&[source, "--out", out, "--no-video"], more].concat(), vec![])
 }
 
 /// The rows of track.csv without their times, and the times.

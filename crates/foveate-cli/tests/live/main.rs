@@ -36,13 +36,11 @@ fn video(frames: usize) -> Vec<u8> {
 
 fn track(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    command.current_dir(folder).arg("track").args(args).args([
-        "--init",
-        "41,41,24,24",
-        "--profile",
-        "fast",
-        "--no-report",
-    ]);
+    command
+        .current_dir(folder)
+        .arg("track")
+        .args(args)
+        .args("--init 41,41,24,24 --profile fast --no-report".split(' '));
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
@@ -53,6 +51,13 @@ fn run(folder: &Path, args: &[&str], input: Vec<u8>) -> Output {
     let writer = std::thread::spawn(move || stdin.write_all(&input));
     let output = child.wait_with_output().expect("it ends");
     let _ = writer.join();
+    output
+}
+
+/// The same for a run that must succeed.
+fn done(folder: &Path, args: &[&str], input: Vec<u8>) -> Output {
+    let output = run(folder, args, input);
+    assert!(output.status.success(), "{args:?}: {}", text(&output.stderr));
     output
 }
 
@@ -70,10 +75,8 @@ fn a_pipe_a_fifo_and_a_file_give_the_same_boxes() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let bytes = video(20);
     std::fs::write(dir.path().join("a.y4m"), &bytes).expect("a writable folder");
-    let file = run(dir.path(), &["a.y4m", "--out", "file", "--no-video"], vec![]);
-    assert!(file.status.success(), "{}", text(&file.stderr));
-    let piped = run(dir.path(), &["-", "--out", "pipe", "--stream"], bytes.clone());
-    assert!(piped.status.success(), "{}", text(&piped.stderr));
+    done(dir.path(), &["a.y4m", "--out", "file", "--no-video"], vec![]);
+    let piped = done(dir.path(), &["-", "--out", "pipe", "--stream"], bytes.clone());
     assert_eq!(boxes(dir.path(), "pipe"), boxes(dir.path(), "file"));
     assert_eq!(boxes(dir.path(), "file").len(), 20);
     // A line a frame, JSON, with boxes as track.csv has them; all else is on standard error.
@@ -90,8 +93,7 @@ fn a_pipe_a_fifo_and_a_file_give_the_same_boxes() {
     let fifo = dir.path().join("fifo");
     if Command::new("mkfifo").arg(&fifo).status().is_ok_and(|status| status.success()) {
         let writer = std::thread::spawn(move || std::fs::write(fifo, bytes));
-        let output = run(dir.path(), &["fifo", "--out", "of-fifo", "--stream", "mot"], vec![]);
-        assert!(output.status.success(), "{}", text(&output.stderr));
+        let output = done(dir.path(), &["fifo", "--out", "of-fifo", "--stream", "mot"], vec![]);
         writer.join().expect("it ends").expect("written");
         assert_eq!(boxes(dir.path(), "of-fifo"), boxes(dir.path(), "file"));
         assert!(text(&output.stdout).starts_with("1,1,41.000,41.000,24.000,24.000,1.000,-1,-1,-1\n2,1,"));
@@ -100,8 +102,7 @@ fn a_pipe_a_fifo_and_a_file_give_the_same_boxes() {
     let raw: Vec<u8> =
         video(20).split(|b| *b == b'\n').next().map(|head| video(20)[head.len() + 1..].to_vec()).expect("a head");
     let raw: Vec<u8> = raw.chunks_exact(6 + 160 * 120).flat_map(|frame| frame[6..].to_vec()).collect();
-    let output = run(dir.path(), &["-", "--raw", "160x120", "--pix", "gray", "--out", "raw"], raw);
-    assert!(output.status.success(), "{}", text(&output.stderr));
+    done(dir.path(), &["-", "--raw", "160x120", "--pix", "gray", "--out", "raw"], raw);
     assert_eq!(boxes(dir.path(), "raw"), boxes(dir.path(), "file"));
 }
 
@@ -110,13 +111,11 @@ fn some_frames_of_a_file_are_tracked() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(dir.path().join("a.y4m"), video(20)).expect("a writable folder");
     let some = ["a.y4m", "--out", "some", "--no-video", "--from", "1", "--every", "3", "--until", "12", "--stream"];
-    let output = run(dir.path(), &some, vec![]);
-    assert!(output.status.success(), "{}", text(&output.stderr));
+    let output = done(dir.path(), &some, vec![]);
     let frames = text(&output.stdout);
     let frames: Vec<&str> = frames.lines().filter_map(|line| line.split([':', ',']).nth(1)).collect();
     assert_eq!(frames, ["1", "4", "7", "10"]);
-    let small = run(dir.path(), &["a.y4m", "--out", "small", "--scale", "0.5", "--no-video"], vec![]);
-    assert!(small.status.success(), "{}", text(&small.stderr));
+    done(dir.path(), &["a.y4m", "--out", "small", "--scale", "0.5", "--no-video"], vec![]);
     for (args, word) in [
         (&["a.y4m", "--scale", "2"][..], "at most 1"),
         (&["a.y4m", "--every-frame"], "every frame of a file"),
@@ -176,8 +175,7 @@ fn what_was_tracked_can_be_read_after_a_kill() {
     let _ = child.wait();
     assert_eq!((rows("boxes.txt"), rows("track.csv")), (10, 11));
     // Another run leaves it alone.
-    let output = run(dir.path(), &["-", "--out", "out"], video(3));
-    assert!(output.status.success(), "{}", text(&output.stderr));
+    done(dir.path(), &["-", "--out", "out"], video(3));
     assert_eq!((rows("boxes.txt"), boxes(dir.path(), "out").len()), (10, 3));
 }
 
@@ -256,8 +254,7 @@ fn a_saved_state_continues_with_the_first_frame_of_a_stream() {
     let stream = ["--every-frame", "--reconnect", "0"];
     for (every, frames) in [("1", 10), ("3", 4)] {
         let first = ["whole.y4m", "--no-video", "--out", "first", "--until", "10", "--every", every];
-        let output = run(dir.path(), &[&first[..], &["--save-state", "s.json"]].concat(), vec![]);
-        assert!(output.status.success(), "{}", text(&output.stderr));
+        done(dir.path(), &[&first[..], &["--save-state", "s.json"]].concat(), vec![]);
         let of_stream = resumed("rtsp://127.0.0.1:9/x", "stream", &[&stream[..], &["--every", every]].concat());
         assert_eq!(of_stream.len(), frames, "every {every}");
         let table = std::fs::read_to_string(dir.path().join("stream/track.csv")).expect("a table");
@@ -268,12 +265,8 @@ fn a_saved_state_continues_with_the_first_frame_of_a_stream() {
 }
 
 fn make(path: PathBuf, options: &str) -> bool {
-    let source = "testsrc2=size=320x240:rate=25:duration=2";
-    let made = Command::new("ffmpeg")
-        .args(["-v", "error", "-f", "lavfi", "-i", source])
-        .args(options.split_whitespace())
-        .arg(path)
-        .status();
+    let source = "-v error -f lavfi -i testsrc2=size=320x240:rate=25:duration=2";
+    let made = Command::new("ffmpeg").args(source.split(' ')).args(options.split(' ')).arg(path).status();
     made.is_ok_and(|status| status.success())
 }
 
@@ -284,8 +277,7 @@ fn the_boxes_do_not_depend_on_the_decoder() {
     let made = make(dir.path().join("a.mp4"), "-c:v libx264 -bf 3 -pix_fmt yuv420p");
     need!(made.then_some(()).ok_or("ffmpeg with libx264"));
     for decoder in ["builtin", "ffmpeg", "auto"] {
-        let output = run(dir.path(), &["a.mp4", "--out", decoder, "--decoder", decoder, "--no-video"], vec![]);
-        assert!(output.status.success(), "{}", text(&output.stderr));
+        done(dir.path(), &["a.mp4", "--out", decoder, "--decoder", decoder, "--no-video"], vec![]);
         let table = |out: &str| std::fs::read_to_string(dir.path().join(out).join("track.csv")).expect("a table");
         assert!(table(decoder) == table("builtin"), "{decoder}");
     }
@@ -301,18 +293,7 @@ fn a_stream_that_breaks_off_is_opened_again() {
     let camera = || {
         let mut command = Command::new("ffmpeg");
         command.args(["-v", "error", "-re", "-f", "lavfi", "-i", "testsrc2=size=320x240:rate=25"]);
-        command.args([
-            "-c:v",
-            "libx264",
-            "-preset",
-            "ultrafast",
-            "-tune",
-            "zerolatency",
-            "-g",
-            "25",
-            "-pix_fmt",
-            "yuv420p",
-        ]);
+        command.args("-c:v libx264 -preset ultrafast -tune zerolatency -g 25 -pix_fmt yuv420p".split(' '));
         command.args(["-rtsp_transport", "tcp", "-f", "rtsp", &address]).stdin(Stdio::null()).stderr(Stdio::null());
         command
     };

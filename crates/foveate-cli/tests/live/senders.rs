@@ -5,7 +5,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use super::http::clips;
-use super::{boxes, run, text, track, video};
+use super::{boxes, done, run, text, track, video};
 use foveate_testing::need;
 
 /// `foveate track ADDRESS --listen`, to which ffmpeg sends 50 frames once, and then goes.
@@ -79,8 +79,7 @@ fn a_pipe_of_another_kind_says_what_it_is() {
         let writer = std::thread::spawn(move || std::io::Write::write_all(&mut stdin, &bytes));
         let converted = child.wait_with_output().expect("it ends").stdout;
         writer.join().expect("it ends").expect("written");
-        let output = run(dir.path(), &["-", "--out", "out"], converted);
-        assert!(output.status.success(), "{name}: {}", text(&output.stderr));
+        done(dir.path(), &["-", "--out", "out"], converted);
         assert_eq!(boxes(dir.path(), "out").len(), 5, "{name}");
     }
     let output = run(dir.path(), &["udp://127.0.0.1:5000", "--out", "out"], vec![]);
