@@ -30,14 +30,9 @@ pub fn bbox(t: usize) -> [f64; 4] {
 /// Returns the pixels of frame `t`, in grey.
 pub fn picture(t: usize) -> Vec<u8> {
     let ([width, height], (cx, cy)) = (SIZE, centre(t));
-    let mut noise = 1u32;
     // Of 4 x 4 pixels, which a video keeps.
-    let coarse: Vec<f64> = (0..(width / 4) * (height / 4))
-        .map(|_| {
-            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            60.0 + f64::from(noise >> 27)
-        })
-        .collect();
+    let noise = crate::noise(1, (width / 4) * (height / 4));
+    let coarse: Vec<f64> = noise.map(|byte| 60.0 + f64::from(byte >> 3)).collect();
     let pixel = |i: usize| {
         let (x, y) = (i % width, i / width);
         let (dx, dy) = (x as f64 - cx, y as f64 - cy);

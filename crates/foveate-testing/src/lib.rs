@@ -7,8 +7,10 @@
 
 mod digits;
 pub mod fall;
+mod random;
 
 pub use digits::write_digits;
+pub use random::{draws, noise};
 
 use std::fs::File;
 use std::io::Write as _;

@@ -139,14 +139,10 @@ fn other(kind: ImageFormat, bytes: &[u8], height: usize) -> std::result::Result<
 mod tests {
     use super::*;
     use crate::{encode_jpeg, encode_png};
-    use foveate_testing::{data, need, skip};
+    use foveate_testing::{data, draws, need, skip};
 
     fn noise(width: usize, height: usize, planes: usize) -> Image {
-        let mut x = 7u32;
-        let bytes = (0..width * height * planes).map(|_| {
-            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (x >> 24) as u8
-        });
+        let bytes = foveate_testing::noise(7, width * height * planes);
         Image::new(width, height, planes, bytes.collect()).expect("sizes agree")
     }
 
@@ -264,11 +260,7 @@ mod tests {
             }
             Err(missing) => skip(&missing),
         }
-        let mut x = 7u64;
-        let mut next = move |n: usize| {
-            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (x >> 33) as usize % n
-        };
+        let mut next = draws(7);
         for (good, n) in goods {
             assert!(decode_image(&good).is_ok());
             for _ in 0..n {

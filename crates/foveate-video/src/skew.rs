@@ -38,21 +38,13 @@ mod tests {
 
     /// Soft blobs, seed 3.
     fn picture(width: usize, height: usize) -> Vec<u8> {
-        let mut x = 3u64;
-        let mut next = |n: usize| {
-            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (x >> 33) as usize % n
-        };
+        let mut next = foveate_testing::draws(3);
         let blobs: Vec<[f64; 4]> = (0..40)
             .map(|_| [next(width) as f64, next(height) as f64, 4.0 + next(20) as f64, next(200) as f64 - 100.0])
             .collect();
         let at = |x: usize, y: usize| {
-            let sum: f64 = blobs
-                .iter()
-                .map(|[a, b, size, tone]| {
-                    tone * (-((x as f64 - a).powi(2) + (y as f64 - b).powi(2)) / (size * size)).exp()
-                })
-                .sum();
+            let square = |a: &f64, b: &f64| (x as f64 - a).powi(2) + (y as f64 - b).powi(2);
+            let sum: f64 = blobs.iter().map(|[a, b, size, tone]| tone * (-square(a, b) / (size * size)).exp()).sum();
             (120.0 + sum).clamp(0.0, 255.0) as u8
         };
         (0..width * height).map(|i| at(i % width, i / width)).collect()
@@ -71,13 +63,7 @@ mod tests {
             assert_eq!(found(wrong, &pixels), Some(160), "{wrong}");
         }
         // Neither noise, nor one tone, nor lines, nor a picture too small to judge.
-        let mut x = 1u32;
-        let noise: Vec<u8> = std::iter::repeat_with(|| {
-            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (x >> 24) as u8
-        })
-        .take(160 * 120)
-        .collect();
+        let noise: Vec<u8> = foveate_testing::noise(1, 160 * 120).collect();
         let lines: Vec<u8> = (0..160 * 120).map(|i| if i / 160 % 2 == 0 { 20 } else { 220 }).collect();
         for pixels in [&noise[..], &vec![90; 160 * 120], &lines, &noise[..160 * 2], &noise[..1]] {
             assert_eq!(found(160.min(pixels.len()), pixels), None);

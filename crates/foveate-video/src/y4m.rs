@@ -333,11 +333,7 @@ mod tests {
         let mut good = b"YUV4MPEG2 W4 H3 F25:1 Ip C420p10 XCOLORRANGE=FULL\n".to_vec();
         (0..3).for_each(|_| good.extend([b"FRAME\n".as_slice(), &[7; 40]].concat()));
         assert_eq!(all(&good).expect("whole").1.len(), 3);
-        let mut x = 5u64;
-        let mut next = move |n: usize| {
-            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (x >> 33) as usize % n
-        };
+        let mut next = foveate_testing::draws(5);
         for _ in 0..20_000 {
             let mut bytes = good.clone();
             for _ in 0..1 + next(5) {

@@ -15,13 +15,7 @@ use std::time::{Duration, Instant};
 fn video(frames: usize) -> Vec<u8> {
     let (w, h) = (160, 120);
     let mut bytes = format!("YUV4MPEG2 W{w} H{h} F25:1 Ip A1:1 Cmono\n").into_bytes();
-    let mut x = 1u32;
-    let noise: Vec<u8> = (0..w * h)
-        .map(|_| {
-            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            60 + (x >> 27) as u8
-        })
-        .collect();
+    let noise: Vec<u8> = foveate_testing::noise(1, w * h).map(|byte| 60 + (byte >> 3)).collect();
     for t in 0..frames {
         let mut picture = noise.clone();
         let (left, top) = (40 + (2 * t) % 60, 40);

@@ -102,13 +102,7 @@ pub(crate) fn truth(t: usize) -> [f64; 4] {
 /// Frame `t`: a textured square over noise, in grey.
 pub(crate) fn picture(t: usize) -> Vec<u8> {
     let Size { width: w, height: h } = SIZE;
-    let mut x = 1u32;
-    let mut picture: Vec<u8> = (0..w * h)
-        .map(|_| {
-            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            60 + (x >> 27) as u8
-        })
-        .collect();
+    let mut picture: Vec<u8> = foveate_testing::noise(1, w * h).map(|byte| 60 + (byte >> 3)).collect();
     let [left, top, side, _] = truth(t).map(|v| v as usize);
     for i in 0..side * side {
         let (a, b) = (i % side, i / side);

@@ -194,11 +194,7 @@ mod tests {
     /// 50,000 damaged messages, seed 5: a message or an error, never a panic or much memory.
     #[test]
     fn damaged_messages_are_errors() {
-        let mut x = 5u64;
-        let mut next = move |n: usize| {
-            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (x >> 33) as usize % n
-        };
+        let mut next = foveate_testing::draws(5);
         for _ in 0..50_000 {
             let mut bytes = vec![];
             all()[next(8)].write(&mut bytes).expect("memory");

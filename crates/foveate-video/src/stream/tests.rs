@@ -3,7 +3,7 @@
 use crate::ffmpeg::Ffmpeg;
 use crate::stream::*;
 use crate::{Frame, FrameSource, Options, Remarks, SourceInfo, VideoFile};
-use foveate_testing::{data, need, skip};
+use foveate_testing::{data, draws, need, skip};
 use md5::{Digest, Md5};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -256,15 +256,6 @@ fn edits_cuts_and_turns_are_followed() {
             let (a, b) = (look(&frame.image), look(&image));
             assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 12), "{name}, frame {i}: {a:?}, expected {b:?}");
         }
-    }
-}
-
-/// Draws from 0 to n, seeded.
-fn draws(seed: u64) -> impl FnMut(usize) -> usize {
-    let mut x = seed;
-    move |n| {
-        x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (x >> 33) as usize % n.max(1)
     }
 }
 

@@ -71,13 +71,8 @@ pub(crate) fn truth(t: usize) -> [f64; 4] {
 /// Frame `t`: a textured square over noise; in the upper left corner stands its number, a square a bit.
 pub(crate) fn frame(t: usize) -> Vec<u8> {
     let Size { width: w, height: h } = SIZE;
-    let mut x = 1u32;
-    let mut noise = || {
-        x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        60 + (x >> 27) as u8
-    };
     // Noise of 4 x 4 pixels, which a video keeps.
-    let coarse: Vec<u8> = (0..(w / 4) * (h / 4)).map(|_| noise()).collect();
+    let coarse: Vec<u8> = foveate_testing::noise(1, (w / 4) * (h / 4)).map(|byte| 60 + (byte >> 3)).collect();
     let mut picture: Vec<u8> = (0..w * h).map(|i| coarse[i / w / 4 * (w / 4) + i % w / 4]).collect();
     let [left, top, wide, high] = truth(t).map(|v| v as usize);
     for i in 0..wide * high {
