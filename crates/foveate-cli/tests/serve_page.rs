@@ -27,7 +27,7 @@ fn track(browser: &mut Browser) {
 fn open(dir: &Path, options: &[&str]) -> Result<(Browser, Server), String> {
     let mut browser = Browser::start(dir, options).ok_or("chromium that runs here")?;
     clip(&dir.join("seen/clip"));
-    let server = Server::start(dir, &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let server = Server::of(dir, "seen");
     browser.call("Page.navigate", json!({ "url": server.url }));
     browser.until("document.querySelectorAll('.entries button').length === 1");
     Ok((browser, server))
@@ -36,8 +36,7 @@ fn open(dir: &Path, options: &[&str]) -> Result<(Browser, Server), String> {
 /// The page with its video open at the first frame.
 fn opened(dir: &Path) -> Result<(Browser, Server), String> {
     let (mut browser, server) = open(dir, &[])?;
-    browser.click(".entries button");
-    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    browser.press(".entries button", "!byId('stage').hidden && shown && shown.frame === 1");
     Ok((browser, server))
 }
 
@@ -48,8 +47,7 @@ fn the_end_of_a_file_by_http_is_shown() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let mut browser = need!(Browser::start(dir.path(), &[]).ok_or("chromium that runs here"));
     let address = served::by_http();
-    let server =
-        Server::start(dir.path(), &["serve", &address, "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let server = Server::of(dir.path(), &address);
     browser.call("Page.navigate", json!({ "url": server.url }));
     let end = format!("The source ended after frame {FRAMES}.");
     // The only source is opened at once, and without a box it plays to its end.
@@ -127,13 +125,11 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     let [x, y, w, h] = truth(14);
     browser.draw([x - 2.0, y - 1.0, w + 3.0, h + 2.0]);
     assert_eq!(browser.value("byId('go').textContent"), "Correct frame 15");
-    browser.click("#go");
-    browser.until("page.rows.length === 15 && page.rows[14].given");
+    browser.press("#go", "page.rows.length === 15 && page.rows[14].given");
     track(&mut browser);
 
     // The saved results are those on the page.
-    browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 3");
+    browser.press("#save-go", "document.querySelectorAll('#files a').length === 3");
     let href = browser.value("document.querySelector('#files a').getAttribute('href')");
     let (status, bytes) = server.get(&format!("/{}", href.as_str().expect("a link")));
     let text = String::from_utf8(bytes).expect("text");
@@ -190,15 +186,13 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     );
     browser.until("shown.frame === 1");
     browser.draw(truth(0));
-    browser.click("#again");
-    browser.until("page.rows.length > 5 && page.rows.length < 30 && page.playing");
+    browser.press("#again", "page.rows.length > 5 && page.rows.length < 30 && page.playing");
     browser.draw([150.0, 100.0, 48.0, 48.0]);
     std::thread::sleep(Duration::from_millis(300));
     let frame = browser.value("page.frame").as_u64().expect("a number") as usize;
     assert_eq!(browser.value("page.playing || !page.draft"), json!(false));
     browser.draw(truth(frame - 1));
-    browser.click("#go");
-    browser.until(&format!("page.rows.length === {frame} && lastRow().given"));
+    browser.press("#go", &format!("page.rows.length === {frame} && lastRow().given"));
     track(&mut browser);
 
     // So does the slider.
@@ -221,16 +215,13 @@ fn enter_and_a_frame_ahead_correct_the_track() {
     browser.draw(truth(0));
     for seed in ["-1", "1.5", "12345678901234567"] {
         browser.fill("seed", seed);
-        browser.click("#go");
-        browser.until("byId('message').textContent.includes('must be a whole number')");
+        browser.press("#go", "byId('message').textContent.includes('must be a whole number')");
         browser.value("complain(null), true");
     }
     browser.fill("seed", "7");
     browser.value("byId('pace').value = 1, true");
-    browser.click("#go");
-    browser.until("page.rows.length > 3");
-    browser.click("#play");
-    browser.until("!page.playing && !page.busy");
+    browser.press("#go", "page.rows.length > 3");
+    browser.press("#play", "!page.playing && !page.busy");
     // Keys where the slider was used last.
     browser.value("byId('scrub').focus(), true");
     browser.show(2);
@@ -259,8 +250,7 @@ fn enter_and_a_frame_ahead_correct_the_track() {
     // Who leaves is asked before anything is saved; and the server forgets what a page has left.
     let asks = "!window.dispatchEvent(new Event('beforeunload', { cancelable: true }))";
     assert_eq!(browser.value(asks), json!(true));
-    browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 3");
+    browser.press("#save-go", "document.querySelectorAll('#files a').length === 3");
     assert_eq!(browser.value(asks), json!(false));
     let frame = format!("/frame?session={}&frame=1", browser.value("page.video.session"));
     assert_eq!(server.get(&frame).0, 200);
@@ -318,8 +308,7 @@ fn a_measurement_follows_clumsy_settings() {
     // A second target with three frames has no numbers.
     browser.show(FRAMES - 2);
     browser.draw([40.0, 30.0, 50.0, 40.0]);
-    browser.click("#add");
-    browser.until("page.target === 1 && page.ended && !page.playing && !page.busy && !measuring.busy");
+    browser.press("#add", "page.target === 1 && page.ended && !page.playing && !page.busy && !measuring.busy");
     assert_eq!(browser.value("!measuring.answer && byId('measure-files').hidden"), json!(true));
     // Another video has a rate of its own.
     browser.fill("fps", "240");
@@ -329,8 +318,7 @@ fn a_measurement_follows_clumsy_settings() {
     browser.click(".entries button");
     assert_eq!(browser.value("page.targets.length"), json!(2));
     browser.value("window.confirm = () => true, true");
-    browser.click(".entries button");
-    browser.until("page.rows.length === 0 && shown && shown.frame === 1");
+    browser.press(".entries button", "page.rows.length === 0 && shown && shown.frame === 1");
     assert_eq!(browser.value("byId('fps').value + byId('fps-error').value + byId('length').value"), json!(""));
     assert!(browser.complaints.len() == 1 && browser.complaints[0].contains("400"), "{:?}", browser.complaints);
 }
@@ -352,8 +340,7 @@ fn the_browsers_camera_is_followed_by_the_server() {
     let fake = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", &capture];
     let (mut browser, server) = need!(open(dir.path(), &fake));
     browser.picture("choose");
-    browser.click("#pick-camera");
-    browser.until("!byId('stage').hidden && shown && page.frame > 3");
+    browser.press("#pick-camera", "!byId('stage').hidden && shown && page.frame > 3");
     browser.value("pause(), true");
     browser.until("!page.playing && shown.frame === page.frame");
     // Which frame of the clip is shown.
@@ -364,8 +351,7 @@ fn the_browsers_camera_is_followed_by_the_server() {
     };
     let first = at(&mut browser);
     browser.draw(truth(first));
-    browser.click("#go");
-    browser.until("page.rows.length > 40");
+    browser.press("#go", "page.rows.length > 40");
     browser.value("pause(), true");
     browser.until("!page.playing && !page.busy && shown.frame === page.frame");
     let now = at(&mut browser);
@@ -373,8 +359,7 @@ fn the_browsers_camera_is_followed_by_the_server() {
     assert!(iou(shown, truth(now)) >= 0.5, "{shown:?} is not {:?}", truth(now));
     assert_eq!(browser.value("byId('want-report').closest('label').hidden"), json!(true));
     let tracked = browser.value("page.targets[0].count").as_u64().expect("a number") as usize;
-    browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 3");
+    browser.press("#save-go", "document.querySelectorAll('#files a').length === 3");
     let href = browser.value("document.querySelectorAll('#files a')[2].getAttribute('href')");
     let (status, text) = server.get(&format!("/{}", href.as_str().expect("a link")));
     assert_eq!((status, String::from_utf8_lossy(&text).lines().count()), (200, tracked));

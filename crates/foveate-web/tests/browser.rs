@@ -112,15 +112,13 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     let [x, y, w, h] = truth(19);
     browser.draw([x - 2.0, y - 1.0, w + 2.0, h + 2.0]);
     assert_eq!(browser.value("byId('go').textContent"), "Correct frame 20");
-    browser.click("#go");
-    browser.until("page.rows.length === 20 && page.rows[19].given");
+    browser.press("#go", "page.rows.length === 20 && page.rows[19].given");
     track(&mut browser, FRAMES);
     browser.until("byId('command').textContent.includes('--reinit 20:')");
 
     // The saved results are those on the page.
     browser.click("#want-film");
-    browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 5");
+    browser.press("#save-go", "document.querySelectorAll('#files a').length === 5");
     let text = |browser: &mut Browser, name: &str| {
         let fetched = format!(
             "new Promise(done => {{ const r = new XMLHttpRequest(); r.onload = () => done(r.responseText); \
@@ -161,8 +159,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     assert!(mean > 0.7, "both are on the target: {mean}");
     browser.picture("targets");
     browser.value("byId('want-film').checked = false, byId('want-report').checked = false, true");
-    browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 6");
+    browser.press("#save-go", "document.querySelectorAll('#files a').length === 6");
     let lines = browser.value(
         "(async () => (await tracker.text(page.video.session, 'target-2-boxes.txt')).split('\\n').length - 1)()",
     );
@@ -185,8 +182,7 @@ fn a_fall_is_measured_with_the_mouse() {
     give(&mut browser, &[&file]);
     browser.until("!byId('stage').hidden && shown && shown.frame === 1");
     browser.draw(fall::bbox(0));
-    browser.click("#go");
-    browser.until("page.rows.length > 1");
+    browser.press("#go", "page.rows.length > 1");
     // The charts grow while it tracks.
     browser.value("byId('measuring').open = true");
     browser.until("measuring.answer?.times.length > 5 && document.querySelectorAll('#plots .motion').length === 6");
@@ -205,8 +201,7 @@ fn a_fall_is_measured_with_the_mouse() {
     browser.picture("measure-scale");
     browser.fill("length", "2.00");
     browser.fill("length-error", "0.002");
-    browser.click("#tool-done");
-    browser.until("measuring.answer.unit === 'm'");
+    browser.press("#tool-done", "measuring.answer.unit === 'm'");
     // The origin, by a click, and by keys.
     browser.click("#axes-set");
     browser.drag(&[(200.0, 42.0)]);
@@ -244,8 +239,7 @@ fn a_fall_is_measured_with_the_mouse() {
     let files = browser.value("tracker.ask(measureMessage({ files: true }))");
     let ours = files["files"][0]["text"].as_str().expect("a table").to_owned();
     browser.value("byId('want-report').checked = false, true");
-    browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 3");
+    browser.press("#save-go", "document.querySelectorAll('#files a').length === 3");
     let track = browser.value("tracker.text(page.video.session, 'track.csv')");
     let positions = measure::parse(track.as_str().expect("text"), Path::new("track.csv")).expect("a track");
     let options = browser.value("measureOptions()");
@@ -274,17 +268,14 @@ fn a_fall_is_measured_with_the_mouse() {
     browser.show(20);
     let [x, y, w, h] = fall::bbox(19);
     browser.draw([x + 22.0, y - 6.0, w, h]);
-    browser.click("#go");
-    browser.until("page.rows.length === 20 && lastRow().given");
+    browser.press("#go", "page.rows.length === 20 && lastRow().given");
     browser.track();
     browser.until("document.querySelectorAll('#doubt-list button').length > 0 && !measuring.busy");
     browser.picture("measure-doubts");
-    browser.click("#doubt-list button");
-    browser.until("page.frame === measuring.answer.ask[0].frame && shown.frame === page.frame");
+    browser.press("#doubt-list button", "page.frame === measuring.answer.ask[0].frame && shown.frame === page.frame");
     browser.show(20);
     browser.draw(fall::bbox(19));
-    browser.click("#go");
-    browser.until("page.rows.length === 20 && lastRow().given");
+    browser.press("#go", "page.rows.length === 20 && lastRow().given");
     browser.track();
     browser.until(&format!(
         "measuring.answer?.times.length === {} && !measuring.busy && measuring.key === measureKey()",
@@ -334,14 +325,12 @@ fn a_camera_is_followed() {
     let capture = format!("--use-file-for-fake-video-capture={}", file.display());
     let fake = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", &capture];
     let mut browser = need!(open(dir.path(), &fake));
-    browser.click("#pick-camera");
-    browser.until("!byId('stage').hidden && shown && page.frame > 3");
+    browser.press("#pick-camera", "!byId('stage').hidden && shown && page.frame > 3");
     // The shown frame waits while a box is drawn on it; its number shows which one it is.
     let number = held(&mut browser);
     browser.value("byId('config').value = 'natural-fast', true");
     browser.draw(truth(number));
-    browser.click("#go");
-    browser.until("page.rows.length > 1");
+    browser.press("#go", "page.rows.length > 1");
     // The frame of the file of each picture, while pictures are stored.
     let seconds = std::env::var("FOVEATE_WEB_SECONDS").ok().and_then(|text| text.parse().ok()).unwrap_or(20u64);
     let (began, mut overlaps) = (Instant::now(), std::collections::BTreeMap::new());
@@ -381,11 +370,9 @@ fn a_camera_is_followed() {
     // A correction of the last frame; then the results.
     let number = browser.value(&format!("{NUMBER}(shown.picture)")).as_u64().expect("a number") as usize;
     browser.draw(truth(number));
-    browser.click("#go");
-    browser.until("lastRow().given");
+    browser.press("#go", "lastRow().given");
     let length = browser.value("page.targets[0].count").as_u64().expect("a number") as usize;
-    browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 3");
+    browser.press("#save-go", "document.querySelectorAll('#files a').length === 3");
     let text = browser.value("tracker.text(page.video.session, 'track.jsonl')");
     let lines: Vec<Value> =
         text.as_str().expect("text").lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
@@ -442,8 +429,7 @@ fn a_video_that_the_browser_decodes_is_seen_frame_by_frame() {
 fn a_policy_learns_in_a_scene_of_digits() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let mut browser = need!(open(dir.path(), &[]));
-    browser.click("#tab-lesson");
-    browser.until("!byId('lesson').hidden && lesson.about !== null");
+    browser.press("#tab-lesson", "!byId('lesson').hidden && lesson.about !== null");
     // It waits, and shows for what.
     browser.until("/^Press Play/.test(byId('l-state').textContent)");
     browser.click("#l-play");
@@ -508,8 +494,7 @@ fn a_camera_takes_no_more_memory_the_longer_it_runs() {
         json!(pictures)
     );
     browser.value(&source);
-    browser.click("#pick-camera");
-    browser.until("!byId('stage').hidden && shown && page.frame > 2");
+    browser.press("#pick-camera", "!byId('stage').hidden && shown && page.frame > 2");
     let number = held(&mut browser);
     browser.value("byId('config').value = 'natural-fast', byId('pace').value = 200, true");
     browser.draw(truth(number));
@@ -538,8 +523,7 @@ fn a_camera_takes_no_more_memory_the_longer_it_runs() {
     // Saved whole.
     browser.value("pause(), true");
     browser.until("!page.playing && !page.busy");
-    browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 3");
+    browser.press("#save-go", "document.querySelectorAll('#files a').length === 3");
     let lines =
         browser.value("(async () => (await tracker.text(page.video.session, 'boxes.txt')).split('\\n').length - 1)()");
     assert_eq!(lines, browser.value("page.targets[0].count"));

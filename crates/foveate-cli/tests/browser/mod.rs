@@ -124,6 +124,12 @@ impl Browser {
         self.mouse("mouseReleased", at);
     }
 
+    /// Clicks, and waits until an expression is true.
+    pub(crate) fn press(&mut self, selector: &str, expression: &str) {
+        self.click(selector);
+        self.until(expression);
+    }
+
     /// Draws a box on the frame.
     pub(crate) fn draw(&mut self, [x, y, w, h]: [f64; 4]) {
         let place = "(() => { const e = document.getElementById('screen'); e.scrollIntoView({ block: 'center' }); \

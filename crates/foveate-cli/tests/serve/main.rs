@@ -25,8 +25,7 @@ fn place() -> tempfile::TempDir {
 }
 
 fn open(server: &Server, name: &str) -> Value {
-    let (status, opened) = server.ask(&json!({ "op": "open", "path": name }).to_string());
-    assert_eq!(status, 200, "{opened}");
+    let opened = server.told(json!({ "op": "open", "path": name }));
     opened
 }
 

@@ -22,26 +22,22 @@ fn falling() -> tempfile::TempDir {
 #[test]
 fn the_page_measures_what_the_program_measures() {
     let dir = falling();
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let server = Server::of(dir.path(), "seen");
     let session = open(&server, "0/fall")["session"].clone();
-    let ask = |message: Value| {
-        let (status, answer) = server.ask(&message.to_string());
-        assert_eq!(status, 200, "{message}: {answer}");
-        answer
-    };
+    let ask = |message: Value| server.told(message);
     let options = json!({ "ruler": "61,41,61,281=200.0+-0.1cm", "origin": "201.25,41", "fps": "60+-0.1", "angle": "-0.5", "fit": "parabola:y:0.05-0.6" });
     let measure = |files: bool| json!({ "op": "measure", "session": session, "options": options, "files": files });
-    let (status, none) = server.ask(&measure(false).to_string());
+    let (status, none) = server.ask(measure(false));
     assert!(status == 400 && none["error"].as_str().is_some_and(|e| e.contains("draw a box")), "{none}");
     ask(
         json!({ "op": "start", "session": session, "frame": 1, "box": fall::bbox(0), "config": "natural-fast", "policy": null, "seed": 4 }),
     );
-    let (status, few) = server.ask(&measure(false).to_string());
+    let (status, few) = server.ask(measure(false));
     assert!(status == 400 && few["error"].as_str().is_some_and(|e| e.contains("at least 5")), "{few}");
     ask(json!({ "op": "step", "session": session, "frames": 1 }));
     // While it tracks, of the frames so far.
     while ask(json!({ "op": "step", "session": session, "frames": 5 }))["targets"][0]["ended"] != true {
-        let (status, answer) = server.ask(&measure(false).to_string());
+        let (status, answer) = server.ask(measure(false));
         assert!(status == 200 || answer["error"].as_str().is_some_and(|e| e.contains("at least 5")), "{answer}");
     }
     let answer = ask(measure(false));
@@ -82,8 +78,8 @@ fn the_page_measures_what_the_program_measures() {
         [("ruler", json!("1,1,1,1=1m")), ("fps", json!("nan")), ("angle", json!(5)), ("lens", json!("/etc/passwd"))]
     {
         let message = json!({ "op": "measure", "session": session, "options": { name: wrong } });
-        let (status, answer) = server.ask(&message.to_string());
+        let (status, answer) = server.ask(&message);
         assert!(status == 400 && answer["error"].as_str().is_some_and(|e| !e.is_empty()), "{name}: {answer}");
     }
-    assert_eq!(server.ask(&json!({ "op": "measure", "session": session, "target": 1 }).to_string()).0, 400);
+    assert_eq!(server.ask(json!({ "op": "measure", "session": session, "target": 1 })).0, 400);
 }

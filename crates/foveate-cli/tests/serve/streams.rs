@@ -41,8 +41,7 @@ fn a_stream_that_was_named_is_followed() {
     need!(ffmpeg());
     let dir = place();
     let address = sender();
-    let server =
-        Server::start(dir.path(), &["serve", &address, "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let server = Server::of(dir.path(), &address);
     let (_, hello) = server.ask(r#"{"op":"hello"}"#);
     assert_eq!(
         (&hello["roots"][0]["kind"], hello["roots"][0]["name"].as_str().map(|n| n.contains("secret"))),
@@ -55,11 +54,10 @@ fn a_stream_that_was_named_is_followed() {
     assert_eq!(status, 200);
     let at = nearest(&jpeg);
     let message = json!({ "op": "start", "session": session, "frame": 1, "box": truth(at), "config": "natural-fast", "policy": null, "seed": 1 });
-    assert_eq!(server.ask(&message.to_string()).0, 200);
+    server.told(&message);
     let mut overlaps = vec![];
     for frame in 2..60 {
-        let (status, answer) = server.ask(&json!({ "op": "step", "session": session, "frames": 1 }).to_string());
-        assert_eq!(status, 200, "{answer}");
+        let answer = server.told(json!({ "op": "step", "session": session, "frames": 1 }));
         let boxes = boxes_of(&answer["targets"][0]);
         assert_eq!(boxes.len(), 1);
         assert!(answer["missed"].is_u64());
@@ -71,20 +69,17 @@ fn a_stream_that_was_named_is_followed() {
     // A frame that has gone, a correction of the last one, results as they are.
     assert_eq!(server.get(&format!("/frame?session={session}&frame=3")).0, 404);
     let correct = json!({ "op": "correct", "session": session, "frame": 59, "box": truth(0) });
-    assert_eq!(server.ask(&correct.to_string()).0, 200);
-    assert_eq!(
-        server.ask(&json!({ "op": "save", "session": session, "film": true, "report": true }).to_string()).0,
-        200
-    );
-    let (_, saved) = server.ask(&json!({ "op": "saved", "session": session }).to_string());
+    server.told(&correct);
+    server.told(json!({ "op": "save", "session": session, "film": true, "report": true }));
+    let saved = server.told(json!({ "op": "saved", "session": session }));
     assert_eq!(saved["files"], json!(["boxes.txt", "track.csv", "track.jsonl"]));
     let (status, text) = server.get(&format!("/file?session={session}&name=track.jsonl"));
     assert_eq!((status, String::from_utf8_lossy(&text).lines().count()), (200, 59));
     // Addresses that were not named are not opened.
     for path in ["1", &address, "0/live", "/dev/video0"] {
-        assert_eq!(server.ask(&json!({ "op": "open", "path": path }).to_string()).0, 400, "{path}");
+        assert_eq!(server.ask(json!({ "op": "open", "path": path })).0, 400, "{path}");
     }
-    assert_eq!(server.ask(&json!({ "op": "close", "session": session }).to_string()).0, 200);
+    server.told(json!({ "op": "close", "session": session }));
 }
 
 /// A file of the clip by HTTP, with its length: every frame is tracked, and the end is reported.
@@ -92,17 +87,16 @@ fn a_stream_that_was_named_is_followed() {
 fn a_file_by_http_is_played_to_its_end() {
     need!(ffmpeg());
     let (dir, address) = (place(), served::by_http());
-    let server =
-        Server::start(dir.path(), &["serve", &address, "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let server = Server::of(dir.path(), &address);
     let opened = open(&server, "0");
     let session = &opened["session"];
     let (_, jpeg) = server.get(&format!("/frame?session={session}&frame=1"));
     assert_eq!(nearest(&jpeg), 0, "it begins with the first frame");
     let message = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast", "policy": null, "seed": 1 });
-    assert_eq!(server.ask(&message.to_string()).0, 200);
+    server.told(&message);
     let (mut frame, mut overlaps) = (1, vec![]);
     loop {
-        let (status, answer) = server.ask(&json!({ "op": "step", "session": session, "frames": 1 }).to_string());
+        let (status, answer) = server.ask(json!({ "op": "step", "session": session, "frames": 1 }));
         assert_eq!((status, &answer["missed"]), (200, &json!(0)), "{answer}");
         let target = &answer["targets"][0];
         for found in boxes_of(target) {
@@ -124,8 +118,7 @@ fn a_file_by_http_is_played_to_its_end() {
 fn pushed_frames_are_followed() {
     let dir = place();
     let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0"]);
-    let (_, opened) =
-        server.ask(&json!({ "op": "live", "name": "camera", "width": 320, "height": 240, "rate": 30 }).to_string());
+    let (_, opened) = server.ask(json!({ "op": "live", "name": "camera", "width": 320, "height": 240, "rate": 30 }));
     let session = &opened["session"];
     let push = |t: usize, picture: &[u8]| {
         let host = format!("127.0.0.1:{}", server.port);
@@ -153,11 +146,10 @@ fn pushed_frames_are_followed() {
             }
             _ => json!({ "op": "step", "session": session, "frames": 1 }),
         };
-        let (status, answer) = server.ask(&message.to_string());
-        assert_eq!(status, 200, "{answer}");
+        let answer = server.told(&message);
         if t == 1 {
             // Without a new frame there is no result, and the track goes on.
-            let (status, none) = server.ask(&message.to_string());
+            let (status, none) = server.ask(&message);
             let target = &none["targets"][0];
             assert_eq!((status, &target["rows"], &target["ended"]), (200, &json!([]), &json!(false)), "{none}");
         }

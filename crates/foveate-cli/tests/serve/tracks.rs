@@ -10,8 +10,7 @@ use crate::{boxes_of, open, place};
 fn tracked(server: &Server, session: &Value) -> Vec<[f64; 4]> {
     let mut boxes = vec![];
     loop {
-        let (status, answer) = server.ask(&json!({ "op": "step", "session": session, "frames": 200 }).to_string());
-        assert_eq!(status, 200, "{answer}");
+        let answer = server.told(json!({ "op": "step", "session": session, "frames": 200 }));
         let target = &answer["targets"][0];
         boxes.extend(boxes_of(target));
         if target["ended"] == true {
@@ -27,15 +26,14 @@ fn frames_before_damage_reach_the_page() {
     let picture = dir.path().join("seen/clip/006.png");
     let bytes = std::fs::read(&picture).expect("a picture");
     std::fs::write(&picture, &bytes[..bytes.len() / 2]).expect("a writable folder");
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let server = Server::of(dir.path(), "seen");
     let session = &open(&server, "0/clip")["session"];
     let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast" });
-    assert_eq!(server.ask(&start.to_string()).0, 200);
-    let step = || server.ask(&json!({ "op": "step", "session": session, "frames": 200 }).to_string());
+    server.told(&start);
+    let step = json!({ "op": "step", "session": session, "frames": 200 });
     let mut frames = 1;
     let problem = loop {
-        let (status, answer) = step();
-        assert_eq!(status, 200, "{answer}");
+        let answer = server.told(&step);
         frames += boxes_of(&answer["targets"][0]).len();
         if let Some(problem) = answer["problem"].as_str() {
             break problem.to_owned();
@@ -46,7 +44,7 @@ fn frames_before_damage_reach_the_page() {
     assert_eq!(frames, 6);
     // Others that are opened and left close each other.
     (0..6).for_each(|_| drop(open(&server, "0/clip")));
-    let (status, answer) = step();
+    let (status, answer) = server.ask(&step);
     assert!(status == 400 && answer["error"].as_str().is_some_and(|error| error.contains("006.png")), "{answer}");
     assert!(problem.is_empty() || answer["error"] == problem, "{problem}");
 }
@@ -54,7 +52,7 @@ fn frames_before_damage_reach_the_page() {
 #[test]
 fn messages_track_correct_and_save() {
     let dir = place();
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let server = Server::of(dir.path(), "seen");
     let opened = open(&server, "0/clip");
     assert_eq!((&opened["width"], &opened["frames"], &opened["truth"][3][0]), (&json!(320), &json!(36), &json!(109.0)));
     let session = &opened["session"];
@@ -65,12 +63,12 @@ fn messages_track_correct_and_save() {
     for frame in [1, 5] {
         let [x, y, w, h] = truth(frame - 1);
         let message = json!({ "op": "propose", "session": session, "frame": frame, "at": [x + w / 2.0, y + h / 2.0] });
-        let (_, answer) = server.ask(&message.to_string());
+        let (_, answer) = server.ask(&message);
         let bbox: [f64; 4] = serde_json::from_value(answer["box"].clone()).expect("a box");
         assert!(iou(bbox, truth(frame - 1)) > 0.3, "frame {frame}: {answer}");
     }
     let start = |config: &str, bbox: [f64; 4]| {
-        server.ask(&json!({ "op": "start", "session": session, "frame": 1, "box": bbox, "config": config, "policy": null, "seed": 4 }).to_string())
+        server.ask(json!({ "op": "start", "session": session, "frame": 1, "box": bbox, "config": config, "policy": null, "seed": 4 }))
     };
     for message in [
         json!({ "op": "start", "session": session, "frame": 0, "box": truth(0), "config": "natural" }),
@@ -78,7 +76,7 @@ fn messages_track_correct_and_save() {
         json!({ "op": "picked", "session": session, "frame": 0, "box": truth(0), "config": "natural" }),
         json!({ "op": "propose", "session": session, "frame": 0 }),
     ] {
-        let (status, answer) = server.ask(&message.to_string());
+        let (status, answer) = server.ask(&message);
         assert!(status == 400 && answer.to_string().contains("frames count from 1"), "{message}: {answer}");
     }
     for config in ["/etc/passwd", "../secret.mp4", "multi", "nothing"] {
@@ -92,23 +90,19 @@ fn messages_track_correct_and_save() {
     assert!(mean >= 0.7, "{mean}");
     let [x, y, w, h] = truth(19);
     let correction = json!({ "op": "correct", "session": session, "frame": 20, "box": [x + 3.0, y, w - 3.0, h] });
-    assert_eq!(server.ask(&correction.to_string()).0, 200);
+    server.told(&correction);
     let rest = tracked(&server, session);
     assert_eq!(rest.len(), FRAMES - 20);
     // The saved results equal those of the printed `foveate track` command, and those on the page.
-    let (_, command) = server.ask(&json!({ "op": "command", "session": session }).to_string());
+    let (_, command) = server.ask(json!({ "op": "command", "session": session }));
     let command = command["command"].as_str().expect("a line").to_owned();
     assert_eq!(
         command,
         "foveate track seen/clip --init 101,91,48,48 --reinit 20:161,110,45,48 --config natural-fast --seed 4"
     );
-    assert_eq!(
-        server.ask(&json!({ "op": "save", "session": session, "film": true, "report": true }).to_string()).0,
-        200
-    );
+    server.told(json!({ "op": "save", "session": session, "film": true, "report": true }));
     let files = loop {
-        let (status, answer) = server.ask(&json!({ "op": "saved", "session": session }).to_string());
-        assert_eq!(status, 200, "{answer}");
+        let answer = server.told(json!({ "op": "saved", "session": session }));
         if let Some(files) = answer["files"].as_array() {
             break files.clone();
         }
@@ -146,9 +140,9 @@ fn messages_track_correct_and_save() {
     for _ in 0..4 {
         let session = &open(&server, "0/clip")["session"];
         let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast" });
-        assert_eq!(server.ask(&start.to_string()).0, 200);
+        server.told(&start);
     }
-    assert_eq!(server.ask(&json!({ "op": "step", "session": session, "frames": 1 }).to_string()).0, 400);
+    assert_eq!(server.ask(json!({ "op": "step", "session": session, "frames": 1 })).0, 400);
     assert!(leftovers(dir.path()).is_empty(), "{:?}", leftovers(dir.path()));
 }
 
@@ -156,13 +150,11 @@ fn messages_track_correct_and_save() {
 fn the_folder_of_a_killed_server_is_removed() {
     let dir = place();
     let save = || {
-        let args = ["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"];
-        let server = Server::start(dir.path(), &args);
+        let server = Server::of(dir.path(), "seen");
         let session = open(&server, "0/clip")["session"].clone();
         let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast", "policy": null, "seed": 4 });
-        for message in [start, json!({ "op": "save", "session": session, "film": true, "report": false })] {
-            assert_eq!(server.ask(&message.to_string()).0, 200, "{message}");
-        }
+        server.told(start);
+        server.told(json!({ "op": "save", "session": session, "film": true, "report": false }));
         while leftovers(dir.path()).is_empty() {
             std::thread::sleep(std::time::Duration::from_millis(10));
         }
@@ -184,11 +176,7 @@ fn one_thread_answers_while_results_are_written() {
     let args = ["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural", "--threads", "1"];
     let server = Server::start(dir.path(), &args);
     let session = open(&server, "0/clip")["session"].clone();
-    let ask = |message: Value| {
-        let (status, answer) = server.ask(&message.to_string());
-        assert_eq!(status, 200, "{message}: {answer}");
-        answer
-    };
+    let ask = |message: Value| server.told(message);
     ask(
         json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural", "policy": null, "seed": 4 }),
     );
@@ -210,15 +198,11 @@ fn one_thread_answers_while_results_are_written() {
 #[test]
 fn several_targets_are_followed_at_once() {
     let dir = place();
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let server = Server::of(dir.path(), "seen");
     let session = open(&server, "0/clip")["session"].clone();
-    let ask = |message: Value| {
-        let (status, answer) = server.ask(&message.to_string());
-        assert_eq!(status, 200, "{message}: {answer}");
-        answer
-    };
+    let ask = |message: Value| server.told(message);
     let start = |target: usize, frame: usize, bbox: [f64; 4]| json!({ "op": "start", "session": session, "target": target, "frame": frame, "box": bbox, "config": "natural-fast", "policy": null, "seed": 4 });
-    assert_eq!(server.ask(&start(1, 1, truth(0)).to_string()).0, 400, "the first one comes first");
+    assert_eq!(server.ask(start(1, 1, truth(0))).0, 400, "the first one comes first");
     ask(start(0, 1, truth(0)));
     let alone = tracked(&server, &session);
     ask(start(0, 1, truth(0)));
@@ -271,16 +255,14 @@ fn several_targets_are_followed_at_once() {
         Some(1)
     );
     (1..8).for_each(|target| drop(ask(start(target, 1, truth(0)))));
-    assert_eq!(server.ask(&start(8, 1, truth(0)).to_string()).0, 400, "eight at most");
+    assert_eq!(server.ask(start(8, 1, truth(0))).0, 400, "eight at most");
 }
 
 /// Folders of results that were not removed.
 fn leftovers(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("readable").flatten();
-    entries
-        .map(|e| e.file_name().to_string_lossy().into_owned())
-        .filter(|name| name.starts_with(".foveate-serve."))
-        .collect()
+    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    names.filter(|name| name.starts_with(".foveate-serve.")).collect()
 }
 
 #[test]
@@ -289,7 +271,7 @@ fn pick_prints_the_command_and_ends() {
     let mut server = Server::start(dir.path(), &["pick", "seen/clip"]);
     let session = open(&server, "0")["session"].clone();
     let message = json!({ "op": "picked", "session": session, "frame": 4, "box": truth(3), "config": "natural", "policy": "hedge" });
-    let (status, answer) = server.ask(&message.to_string());
+    let (status, answer) = server.ask(&message);
     let line = "foveate track seen/clip --from 4 --init 110,94,48,48 --policy hedge";
     assert_eq!((status, answer["command"].as_str()), (200, Some(line)));
     let mut printed = String::new();

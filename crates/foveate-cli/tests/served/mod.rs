@@ -42,6 +42,11 @@ impl Server {
         Self { child, port: port.unwrap_or_else(|| panic!("{first}")), url: url.to_owned(), said }
     }
 
+    /// Serves a source, for quick tracks.
+    pub(crate) fn of(folder: &Path, source: &str) -> Self {
+        Self::start(folder, &["serve", source, "--address", "127.0.0.1:0", "--config", "natural-fast"])
+    }
+
     /// Sends bytes as they are, and closes; what came back.
     pub(crate) fn send(&self, bytes: &[u8]) -> Vec<u8> {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
@@ -55,8 +60,15 @@ impl Server {
     }
 
     /// A message of the page: the status, and the answer.
-    pub(crate) fn ask(&self, message: &str) -> (u16, serde_json::Value) {
-        self.ask_with(message, "")
+    pub(crate) fn ask(&self, message: impl std::fmt::Display) -> (u16, serde_json::Value) {
+        self.ask_with(&message.to_string(), "")
+    }
+
+    /// The answer to a message that is not refused.
+    pub(crate) fn told(&self, message: impl std::fmt::Display) -> serde_json::Value {
+        let (status, answer) = self.ask(&message);
+        assert_eq!(status, 200, "{message}: {answer}");
+        answer
     }
 
     /// The same with further headers, each ending in a new line.
