@@ -21,60 +21,26 @@ The output folder also has measure.csv (times, positions, velocities and acceler
 
 Example: foveate measure ball.mp4 --init 310,40,28,28 --ruler 100,60,100,460=1.000+-0.002m --fit parabola:y";
 
-/// Options that say how a video is read and tracked, and apply to a measurement.
-const OF_A_VIDEO: [&str; 27] = [
-    "sources",
-    "reference",
-    "decoder",
-    "sandbox",
-    "raw",
-    "pix",
-    "from",
-    "every",
-    "stream",
-    "init",
-    "reinit",
-    "config",
-    "profile",
-    "policy",
-    "set",
-    "seed",
-    "load_state",
-    "save_state",
-    "until",
-    "json",
-    "regret",
-    "recognise",
-    "trace",
-    "no_video",
-    "no_report",
-    "keyframes",
-    "format",
-];
+/// Returns the options that say how a video is read and tracked: all of a run but the folder and the scale of its results, and some of ours.
+fn of_a_video() -> impl Iterator<Item = clap::Id> {
+    let command = <track::Args as clap::Args>::augment_args(clap::Command::new("track"));
+    let options: Vec<clap::Id> = command.get_arguments().map(|option| option.get_id().clone()).collect();
+    let options = options.into_iter().filter(|option| option != "out" && option != "scale");
+    options.chain(["reference", "keyframes", "format"].map(clap::Id::from))
+}
 
 /// Options of streams and of many targets, which a measurement refuses.
-const HIDDEN: [&str; 11] = [
-    "every_frame",
-    "max_latency",
-    "listen",
-    "reconnect",
-    "detect",
-    "detections",
-    "least",
-    "classes",
-    "layout",
-    "inits",
-    "save_detections",
-];
+const HIDDEN: &str =
+    "every_frame max_latency listen reconnect detect detections least classes layout inits save_detections";
 
 #[derive(clap::Args)]
-#[command(after_help = FILES, mut_arg("sources", of_files), mut_args(|arg| match HIDDEN.contains(&arg.get_id().as_str()) {
+#[command(after_help = FILES, mut_arg("sources", of_files), mut_args(|arg| match HIDDEN.split(' ').any(|hidden| arg.get_id() == hidden) {
     true => arg.hide(true),
     false => arg,
 }))]
 pub(crate) struct MeasureArgs {
     /// Measure an existing track.csv of `foveate track` instead of a video
-    #[arg(long, value_name = "track.csv", conflicts_with_all = OF_A_VIDEO.into_iter().chain(HIDDEN))]
+    #[arg(long, value_name = "track.csv", conflicts_with_all = of_a_video())]
     track: Option<PathBuf>,
     /// Scale: two points in the picture and the length between them, with its standard error and unit (mm, cm, m, km, in, ft; default: m).
     /// Without it lengths are in pixels
@@ -207,21 +173,16 @@ mod tests {
 
     use super::*;
 
-    /// A new option of a run is refused with --track, too, or is listed here because it applies.
+    /// An option of a run is refused with --track, unless it is listed here because it applies; and hidden options are options.
     #[test]
     fn options_of_a_run_are_refused_with_a_track() {
-        let command = track::Args::augment_args(clap::Command::new("track"));
-        for option in command.get_arguments().map(|option| option.get_id().as_str()) {
-            let refused = OF_A_VIDEO.contains(&option) || HIDDEN.contains(&option);
-            assert!(refused || ["out", "scale"].contains(&option), "{option}");
+        let command = MeasureArgs::augment_args(clap::Command::new("measure"));
+        let known = |name: &str| command.get_arguments().find(|option| option.get_id() == name);
+        let refused = command.get_arg_conflicts_with(known("track").expect("an option"));
+        for option in track::Args::augment_args(clap::Command::new("track")).get_arguments() {
+            let (id, applies) = (option.get_id(), ["out", "scale"].contains(&option.get_id().as_str()));
+            assert_eq!(refused.iter().any(|other| other.get_id() == id), !applies, "{id}");
         }
-        let known = |name: &&str| command.get_arguments().any(|option| option.get_id() == *name);
-        assert!(
-            OF_A_VIDEO
-                .iter()
-                .chain(&HIDDEN)
-                .filter(|name| !["reference", "keyframes", "format"].contains(name))
-                .all(known)
-        );
+        assert!(HIDDEN.split(' ').all(|name| known(name).is_some()));
     }
 }
