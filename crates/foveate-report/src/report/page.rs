@@ -98,6 +98,7 @@ impl Key {
 }
 
 /// All data of the page except its keys.
+#[derive(Default)]
 pub(super) struct Page {
     source: String,
     info: Value,
@@ -138,19 +139,7 @@ impl Page {
             baselines: info.baselines.clone(),
             cells: cells.collect(),
             size: [1, 1],
-            particles: 0,
-            seconds: 0.0,
-            rows: vec![],
-            tracks: Tracks::default(),
-            shown: 0,
-            features: 0,
-            learned: false,
-            arms: vec![],
-            template: None,
-            surface: None,
-            regret: Value::Null,
-            classes: vec![],
-            class_names: vec![],
+            ..Self::default()
         }
     }
 
