@@ -4,29 +4,31 @@
 mod served;
 
 mod measure;
+#[path = "../place/mod.rs"]
+mod place;
 mod requests;
 mod streams;
 mod tracks;
 
+use place::Place;
 use serde_json::{Value, json};
 use served::{Server, clip};
 
 const SECRET: &str = "nobody-may-read-this";
 
 /// A folder with a clip that may be seen, and secrets beside it.
-fn place() -> tempfile::TempDir {
-    let dir = tempfile::tempdir().expect("a temporary folder");
-    clip(&dir.path().join("seen/clip"));
-    std::fs::write(dir.path().join("secret.mp4"), SECRET).expect("writable");
-    std::fs::write(dir.path().join("seen/secret.txt"), SECRET).expect("writable");
+fn place() -> Place {
+    let dir = Place::empty();
+    clip(&dir.path("seen/clip"));
+    dir.write("secret.mp4", SECRET);
+    dir.write("seen/secret.txt", SECRET);
     #[cfg(unix)]
-    std::os::unix::fs::symlink(dir.path().join("secret.mp4"), dir.path().join("seen/link.mp4")).expect("a link");
+    std::os::unix::fs::symlink(dir.path("secret.mp4"), dir.path("seen/link.mp4")).expect("a link");
     dir
 }
 
 fn open(server: &Server, name: &str) -> Value {
-    let opened = server.told(json!({ "op": "open", "path": name }));
-    opened
+    server.told(json!({ "op": "open", "path": name }))
 }
 
 /// The boxes of a target's reported rows.

@@ -3,13 +3,14 @@
 use foveate_testing::fall;
 use serde_json::{Value, json};
 
+use crate::place::{Place, printed};
 use crate::served::Server;
 use crate::{open, place};
 
 /// A folder with the pictures of a fall.
-fn falling() -> tempfile::TempDir {
+fn falling() -> Place {
     let dir = place();
-    let folder = dir.path().join("seen/fall");
+    let folder = dir.path("seen/fall");
     std::fs::create_dir_all(&folder).expect("a writable folder");
     let [w, h] = fall::SIZE.map(|side| side as u32);
     for t in 0..fall::FRAMES {
@@ -22,7 +23,7 @@ fn falling() -> tempfile::TempDir {
 #[test]
 fn the_page_measures_what_the_program_measures() {
     let dir = falling();
-    let server = Server::of(dir.path(), "seen");
+    let server = Server::of(dir.path(""), "seen");
     let session = open(&server, "0/fall")["session"].clone();
     let ask = |message: Value| server.told(message);
     let options = json!({ "ruler": "61,41,61,281=200.0+-0.1cm", "origin": "201.25,41", "fps": "60+-0.1", "angle": "-0.5", "fit": "parabola:y:0.05-0.6" });
@@ -47,19 +48,12 @@ fn the_page_measures_what_the_program_measures() {
     assert!(g.starts_with("g = ") && (value - fall::G).abs() < 0.15, "{g}");
     // The files are those of the command, byte for byte; the charts have their numbers.
     let command = answer["command"].as_str().expect("a line").to_owned();
-    let words: Vec<&str> = command.split(' ').skip(1).collect();
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_foveate"))
-        .current_dir(dir.path())
-        .args(&words)
-        .args(["--out", "out", "--no-video", "--no-report"])
-        .output()
-        .expect("it runs");
-    assert!(output.status.success(), "{command}: {output:?}");
-    assert!(String::from_utf8_lossy(&output.stdout).contains(g), "{g}: {output:?}");
+    let output = dir.done(command.split(' ').skip(1).chain(["--out", "out", "--no-video", "--no-report"]));
+    assert!(printed(&output).contains(g), "{g}: {output:?}");
     let files = ask(measure(true));
     for file in files["files"].as_array().expect("files") {
         let [name, text] = ["name", "text"].map(|key| file[key].as_str().expect("text"));
-        let theirs = std::fs::read_to_string(dir.path().join("out").join(name)).expect("written");
+        let theirs = dir.text(&format!("out/{name}"));
         assert!(text == theirs, "{name}: the page's\n{text}\nthe program's\n{theirs}");
         if name == "measure.csv" {
             let column = |k: usize| -> Vec<f64> {

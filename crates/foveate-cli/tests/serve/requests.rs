@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 
+use crate::place::{Place, failed};
 use crate::served::{Server, parts};
 use crate::{SECRET, place};
 
@@ -231,9 +232,9 @@ fn a_thousand_malformed_requests_get_nothing() {
     let dir = place();
     // Nobody is at the other end of the stream.
     let stream = "http://127.0.0.1:9/nothing";
-    let here = Server::start(dir.path(), &["serve", "seen", stream, "--address", "127.0.0.1:0"]);
+    let here = Server::start(dir.path(""), &["serve", "seen", stream, "--address", "127.0.0.1:0"]);
     let all = ["serve", "seen", "--address", "0.0.0.0:0", "--allow-remote", "--token", TOKEN];
-    let remote = Server::start(dir.path(), &all);
+    let remote = Server::start(dir.path(""), &all);
     let mut random = Random(18);
     let mut count = [0; 6];
     for k in 0..1000 {
@@ -285,7 +286,7 @@ fn a_thousand_malformed_requests_get_nothing() {
 #[test]
 fn half_a_request_keeps_nobody_out() {
     let dir = place();
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--token", TOKEN]);
+    let server = Server::start(dir.path(""), &["serve", "seen", "--address", "127.0.0.1:0", "--token", TOKEN]);
     let half = || {
         let mut stream = TcpStream::connect(("127.0.0.1", server.port)).expect("it listens");
         stream.write_all(b"GET / HTTP/1.1\r\nHost: ").expect("it is open");
@@ -302,9 +303,9 @@ fn half_a_request_keeps_nobody_out() {
 #[test]
 fn links_that_come_later_lead_nowhere() {
     let dir = place();
-    let at = |name: &str| dir.path().join(name);
+    let at = |name: &str| dir.path(name);
     std::fs::copy(at("seen/clip/000.png"), at("hidden.png")).expect("a picture");
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0"]);
+    let server = Server::start(dir.path(""), &["serve", "seen", "--address", "127.0.0.1:0"]);
     let session = crate::open(&server, "0/clip")["session"].clone();
     let frame = |n: usize| server.get(&format!("/frame?session={session}&frame={n}"));
     assert_eq!(frame(1).0, 200);
@@ -319,7 +320,7 @@ fn links_that_come_later_lead_nowhere() {
 #[test]
 fn other_methods_get_the_allowed_ones() {
     let dir = place();
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "localhost:0"]);
+    let server = Server::start(dir.path(""), &["serve", "seen", "--address", "localhost:0"]);
     for (method, path, allowed) in
         [("HEAD", "/", "GET"), ("OPTIONS", "/", "GET"), ("GET", "/api", "POST"), ("DELETE", "/push", "POST")]
     {
@@ -337,12 +338,8 @@ fn other_methods_get_the_allowed_ones() {
 fn other_addresses_need_a_flag_and_a_token() {
     for args in [&["--address", "0.0.0.0:0"][..], &["--address", "0.0.0.0:0", "--allow-remote"], &["--token", "short"]]
     {
-        let output = std::process::Command::new(env!("CARGO_BIN_EXE_foveate"))
-            .arg("serve")
-            .args(args)
-            .env_remove("FOVEATE_TOKEN")
-            .output();
-        let output = output.expect("it runs");
-        assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains("token"), "{output:?}");
+        let output = Place::empty().command(["serve"]).args(args).env_remove("FOVEATE_TOKEN").output();
+        let said = failed(&output.expect("it runs"));
+        assert!(said.contains("token"), "{said}");
     }
 }

@@ -41,7 +41,7 @@ fn a_stream_that_was_named_is_followed() {
     need!(ffmpeg());
     let dir = place();
     let address = sender();
-    let server = Server::of(dir.path(), &address);
+    let server = Server::of(dir.path(""), &address);
     let (_, hello) = server.ask(r#"{"op":"hello"}"#);
     assert_eq!(
         (&hello["roots"][0]["kind"], hello["roots"][0]["name"].as_str().map(|n| n.contains("secret"))),
@@ -87,7 +87,7 @@ fn a_stream_that_was_named_is_followed() {
 fn a_file_by_http_is_played_to_its_end() {
     need!(ffmpeg());
     let (dir, address) = (place(), served::by_http());
-    let server = Server::of(dir.path(), &address);
+    let server = Server::of(dir.path(""), &address);
     let opened = open(&server, "0");
     let session = &opened["session"];
     let (_, jpeg) = server.get(&format!("/frame?session={session}&frame=1"));
@@ -117,7 +117,7 @@ fn a_file_by_http_is_played_to_its_end() {
 #[test]
 fn pushed_frames_are_followed() {
     let dir = place();
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0"]);
+    let server = Server::start(dir.path(""), &["serve", "seen", "--address", "127.0.0.1:0"]);
     let (_, opened) = server.ask(json!({ "op": "live", "name": "camera", "width": 320, "height": 240, "rate": 30 }));
     let session = &opened["session"];
     let push = |t: usize, picture: &[u8]| {
@@ -173,7 +173,7 @@ fn errors_do_not_tell_the_password_of_a_stream() {
     let dir = place();
     // Nobody sends there, whether ffmpeg is installed or not.
     let server =
-        Server::start(dir.path(), &["serve", "rtsp://user:secret@127.0.0.1:9/live", "--address", "127.0.0.1:0"]);
+        Server::start(dir.path(""), &["serve", "rtsp://user:secret@127.0.0.1:9/live", "--address", "127.0.0.1:0"]);
     let (status, answer) = server.ask(r#"{"op":"open","path":"0"}"#);
     let said = answer["error"].as_str().unwrap_or_default();
     assert!(status == 400 && said.contains("rtsp://127.0.0.1:9/live") && !said.contains("secret"), "{answer}");

@@ -1,9 +1,8 @@
 //! Tracks through messages: corrections, several targets, files; and `foveate pick`.
 
-use std::path::Path;
-
 use serde_json::{Value, json};
 
+use crate::place::Place;
 use crate::served::{FRAMES, Server, iou, truth};
 use crate::{boxes_of, open, place};
 
@@ -23,10 +22,9 @@ fn tracked(server: &Server, session: &Value) -> Vec<[f64; 4]> {
 #[test]
 fn frames_before_damage_reach_the_page() {
     let dir = place();
-    let picture = dir.path().join("seen/clip/006.png");
-    let bytes = std::fs::read(&picture).expect("a picture");
-    std::fs::write(&picture, &bytes[..bytes.len() / 2]).expect("a writable folder");
-    let server = Server::of(dir.path(), "seen");
+    let bytes = dir.read("seen/clip/006.png");
+    dir.write("seen/clip/006.png", &bytes[..bytes.len() / 2]);
+    let server = Server::of(dir.path(""), "seen");
     let session = &open(&server, "0/clip")["session"];
     let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast" });
     server.told(&start);
@@ -52,7 +50,7 @@ fn frames_before_damage_reach_the_page() {
 #[test]
 fn messages_track_correct_and_save() {
     let dir = place();
-    let server = Server::of(dir.path(), "seen");
+    let server = Server::of(dir.path(""), "seen");
     let opened = open(&server, "0/clip");
     assert_eq!((&opened["width"], &opened["frames"], &opened["truth"][3][0]), (&json!(320), &json!(36), &json!(109.0)));
     let session = &opened["session"];
@@ -111,16 +109,10 @@ fn messages_track_correct_and_save() {
     assert_eq!(files, ["boxes.txt", "track.csv", "annotated.mp4", "report.html"]);
     let saved = |name: &str| server.get(&format!("/file?session={session}&name={name}"));
     assert_eq!(saved("run.json").0, 404);
-    let words: Vec<&str> = command.split(' ').skip(1).collect();
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_foveate"))
-        .current_dir(dir.path())
-        .args(words)
-        .args(["--out", "out"])
-        .output();
-    assert!(output.as_ref().is_ok_and(|o| o.status.success()), "{output:?}");
+    dir.done(command.split(' ').skip(1).chain(["--out", "out"]));
     for name in ["boxes.txt", "annotated.mp4"] {
         let (status, bytes) = saved(name);
-        assert!(status == 200 && bytes == std::fs::read(dir.path().join("out").join(name)).expect("written"), "{name}");
+        assert!(status == 200 && bytes == dir.read(&format!("out/{name}")), "{name}");
     }
     let text = String::from_utf8(saved("boxes.txt").1).expect("text");
     let shown: Vec<[f64; 4]> = std::iter::once(truth(0))
@@ -143,30 +135,30 @@ fn messages_track_correct_and_save() {
         server.told(&start);
     }
     assert_eq!(server.ask(json!({ "op": "step", "session": session, "frames": 1 })).0, 400);
-    assert!(leftovers(dir.path()).is_empty(), "{:?}", leftovers(dir.path()));
+    assert!(leftovers(&dir).is_empty(), "{:?}", leftovers(&dir));
 }
 
 #[test]
 fn the_folder_of_a_killed_server_is_removed() {
     let dir = place();
     let save = || {
-        let server = Server::of(dir.path(), "seen");
+        let server = Server::of(dir.path(""), "seen");
         let session = open(&server, "0/clip")["session"].clone();
         let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast", "policy": null, "seed": 4 });
         server.told(start);
         server.told(json!({ "op": "save", "session": session, "film": true, "report": false }));
-        while leftovers(dir.path()).is_empty() {
+        while leftovers(&dir).is_empty() {
             std::thread::sleep(std::time::Duration::from_millis(10));
         }
         server
     };
     drop(save());
-    let killed = leftovers(dir.path());
+    let killed = leftovers(&dir);
     let _server = save();
-    while leftovers(dir.path()) == killed {
+    while leftovers(&dir) == killed {
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
-    assert!(leftovers(dir.path()).len() == 1 && !leftovers(dir.path()).contains(&killed[0]), "{killed:?}");
+    assert!(leftovers(&dir).len() == 1 && !leftovers(&dir).contains(&killed[0]), "{killed:?}");
 }
 
 /// Writing results takes a thread for as long as the track is; the page is answered meanwhile, and may change its mind.
@@ -174,7 +166,7 @@ fn the_folder_of_a_killed_server_is_removed() {
 fn one_thread_answers_while_results_are_written() {
     let dir = place();
     let args = ["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural", "--threads", "1"];
-    let server = Server::start(dir.path(), &args);
+    let server = Server::start(dir.path(""), &args);
     let session = open(&server, "0/clip")["session"].clone();
     let ask = |message: Value| server.told(message);
     ask(
@@ -186,19 +178,19 @@ fn one_thread_answers_while_results_are_written() {
     assert!(answer["frames"].as_u64().is_some_and(|n| n < FRAMES as u64) && answer["files"].is_null(), "{answer}");
     ask(json!({ "op": "close", "session": session }));
     for _ in 0..200 {
-        if leftovers(dir.path()).is_empty() {
+        if leftovers(&dir).is_empty() {
             return;
         }
         std::thread::sleep(std::time::Duration::from_millis(50));
     }
-    panic!("{:?}", leftovers(dir.path()));
+    panic!("{:?}", leftovers(&dir));
 }
 
 /// Two boxes in the same frames: each has the same results as alone.
 #[test]
 fn several_targets_are_followed_at_once() {
     let dir = place();
-    let server = Server::of(dir.path(), "seen");
+    let server = Server::of(dir.path(""), "seen");
     let session = open(&server, "0/clip")["session"].clone();
     let ask = |message: Value| server.told(message);
     let start = |target: usize, frame: usize, bbox: [f64; 4]| json!({ "op": "start", "session": session, "target": target, "frame": frame, "box": bbox, "config": "natural-fast", "policy": null, "seed": 4 });
@@ -259,16 +251,14 @@ fn several_targets_are_followed_at_once() {
 }
 
 /// Folders of results that were not removed.
-fn leftovers(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).expect("readable").flatten();
-    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    names.filter(|name| name.starts_with(".foveate-serve.")).collect()
+fn leftovers(dir: &Place) -> Vec<String> {
+    dir.names("").into_iter().filter(|name| name.starts_with(".foveate-serve.")).collect()
 }
 
 #[test]
 fn pick_prints_the_command_and_ends() {
     let dir = place();
-    let mut server = Server::start(dir.path(), &["pick", "seen/clip"]);
+    let mut server = Server::start(dir.path(""), &["pick", "seen/clip"]);
     let session = open(&server, "0")["session"].clone();
     let message = json!({ "op": "picked", "session": session, "frame": 4, "box": truth(3), "config": "natural", "policy": "hedge" });
     let (status, answer) = server.ask(&message);
@@ -279,7 +269,7 @@ fn pick_prints_the_command_and_ends() {
     assert_eq!(printed.trim_end(), line);
     assert!(server.child.wait().expect("it ends").success());
     // Interrupted before it has printed a command, it has failed.
-    let mut server = Server::start(dir.path(), &["pick", "seen/clip"]);
+    let mut server = Server::start(dir.path(""), &["pick", "seen/clip"]);
     let interrupt = std::process::Command::new("kill").args(["-INT", &server.child.id().to_string()]).status();
     assert!(interrupt.is_ok_and(|status| status.success()));
     assert_eq!(server.child.wait().expect("it ends").code(), Some(130));
@@ -287,9 +277,5 @@ fn pick_prints_the_command_and_ends() {
 
 #[test]
 fn pick_is_for_files() {
-    let output =
-        std::process::Command::new(env!("CARGO_BIN_EXE_foveate")).args(["pick", "rtsp://127.0.0.1:9/live"]).output();
-    let output = output.expect("it runs");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && said.contains("foveate serve"), "{said}");
+    Place::empty().refuses(["pick", "rtsp://127.0.0.1:9/live"], "foveate serve");
 }

@@ -20,9 +20,9 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    pub(crate) fn start(folder: &Path, args: &[&str]) -> Self {
+    pub(crate) fn start(folder: impl AsRef<Path>, args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-        command.current_dir(folder).args(args).env_remove("FOVEATE_TOKEN").env("TMPDIR", folder);
+        command.current_dir(&folder).args(args).env_remove("FOVEATE_TOKEN").env("TMPDIR", folder.as_ref());
         let mut child =
             command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
         let mut lines = BufReader::new(child.stderr.take().expect("a pipe"));
@@ -43,7 +43,7 @@ impl Server {
     }
 
     /// Serves a source, for quick tracks.
-    pub(crate) fn of(folder: &Path, source: &str) -> Self {
+    pub(crate) fn of(folder: impl AsRef<Path>, source: &str) -> Self {
         Self::start(folder, &["serve", source, "--address", "127.0.0.1:0", "--config", "natural-fast"])
     }
 
