@@ -194,7 +194,11 @@ impl Ffmpeg {
         }
         match self.pixels.as_mut().and_then(Y4m::picture) {
             Some(Ok(yuv)) => Some(self.shown(&yuv)),
-            _ => self.end(),
+            _ => {
+                // While its pictures can be read, ffmpeg would wait for a reader.
+                self.pixels = None;
+                self.end()
+            }
         }
     }
 
