@@ -140,7 +140,7 @@ mod tests {
     use super::*;
     use crate::decode_image;
     use std::io::Cursor;
-    use tiff::encoder::colortype::{Gray8, Gray16, Gray32Float, RGB8};
+    use tiff::encoder::colortype::{Gray8, Gray16, Gray32Float, RGB8, RGBA16};
     use tiff::encoder::{Compression, TiffEncoder};
     use tiff::tags::Tag;
 
@@ -175,6 +175,14 @@ mod tests {
         assert!((frames[2].time - 2.0 / RATE).abs() < 1e-12);
         let several = decode_image(&bytes).expect_err("a picture has one page");
         assert!(several.contains("several pages"), "{several}");
+    }
+
+    /// An opaque pixel has the greatest alpha that there is.
+    #[test]
+    fn transparency_does_not_stretch_the_colours() {
+        let pixels: [u16; 8] = [0, 100, 200, u16::MAX, 255, 50, 0, u16::MAX];
+        let bytes = written(|file| file.write_image::<RGBA16>(2, 1, &pixels).expect("memory"));
+        assert_eq!(decode_image(&bytes), Image::from_rgb8(2, 1, &[0, 100, 200, 255, 50, 0]).map_err(|e| e.to_string()));
     }
 
     #[test]

@@ -85,12 +85,13 @@ impl<R: Read + Seek> Pages<R> {
         }
         let mut values = DecodingResult::U8(vec![]);
         let planes = self.decoder.read_image_to_buffer(&mut values).map_err(damaged)?.planes;
-        let bytes = eight_bits(values, range);
+        let kept = if samples < 3 { 1 } else { 3 };
+        let is_colour = |at: usize| if planes > 1 { at < width * height * kept } else { at % samples < kept };
+        let bytes = eight_bits(values, range, &is_colour);
         let wrong = || format!("expected {width} x {height} x {samples} values, found {}", bytes.len());
         if bytes.len() != width * height * samples {
             return Err(wrong());
         }
-        let kept = if samples < 3 { 1 } else { 3 };
         let image = match (planes, samples) {
             (1, 1) => Image::new(width, height, 1, bytes),
             (1, 2) => Image::new(width, height, 1, bytes.chunks_exact(2).map(|pixel| pixel[0]).collect()),
@@ -130,26 +131,32 @@ fn damaged(error: TiffError) -> String {
     format!("the TIFF data is damaged or unusual ({error}); copy or convert it")
 }
 
-/// Values of 8 bits. Others are stretched from the range of the first picture.
-fn eight_bits(values: DecodingResult, range: &mut Range) -> Vec<u8> {
+/// Values of 8 bits. Others are stretched from the range of the colours of the first picture.
+fn eight_bits(values: DecodingResult, range: &mut Range, is_colour: &dyn Fn(usize) -> bool) -> Vec<u8> {
     match values {
         DecodingResult::U8(bytes) => bytes,
-        DecodingResult::I8(values) => stretched(&values, range, f64::from),
-        DecodingResult::U16(values) => stretched(&values, range, f64::from),
-        DecodingResult::I16(values) => stretched(&values, range, f64::from),
-        DecodingResult::U32(values) => stretched(&values, range, f64::from),
-        DecodingResult::I32(values) => stretched(&values, range, f64::from),
-        DecodingResult::U64(values) => stretched(&values, range, |value| value as f64),
-        DecodingResult::I64(values) => stretched(&values, range, |value| value as f64),
-        DecodingResult::F16(values) => stretched(&values, range, f64::from),
-        DecodingResult::F32(values) => stretched(&values, range, f64::from),
-        DecodingResult::F64(values) => stretched(&values, range, |value| value),
+        DecodingResult::I8(values) => stretched(&values, range, is_colour, f64::from),
+        DecodingResult::U16(values) => stretched(&values, range, is_colour, f64::from),
+        DecodingResult::I16(values) => stretched(&values, range, is_colour, f64::from),
+        DecodingResult::U32(values) => stretched(&values, range, is_colour, f64::from),
+        DecodingResult::I32(values) => stretched(&values, range, is_colour, f64::from),
+        DecodingResult::U64(values) => stretched(&values, range, is_colour, |value| value as f64),
+        DecodingResult::I64(values) => stretched(&values, range, is_colour, |value| value as f64),
+        DecodingResult::F16(values) => stretched(&values, range, is_colour, f64::from),
+        DecodingResult::F32(values) => stretched(&values, range, is_colour, f64::from),
+        DecodingResult::F64(values) => stretched(&values, range, is_colour, |value| value),
     }
 }
 
-fn stretched<T: Copy>(values: &[T], range: &mut Range, number: impl Fn(T) -> f64) -> Vec<u8> {
+fn stretched<T: Copy>(
+    values: &[T],
+    range: &mut Range,
+    is_colour: &dyn Fn(usize) -> bool,
+    number: impl Fn(T) -> f64,
+) -> Vec<u8> {
     let [least, greatest] = *range.get_or_insert_with(|| {
-        let finite = || values.iter().map(|value| number(*value)).filter(|value| value.is_finite());
+        let colours = || values.iter().enumerate().filter(|(at, _)| is_colour(*at));
+        let finite = || colours().map(|(_, value)| number(*value)).filter(|value| value.is_finite());
         [finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max)]
     });
     let step = if greatest > least { 255.0 / (greatest - least) } else { 0.0 };
