@@ -194,11 +194,7 @@ impl Ffmpeg {
         }
         match self.pixels.as_mut().and_then(Y4m::picture) {
             Some(Ok(yuv)) => Some(self.shown(&yuv)),
-            _ => {
-                // While its pictures can be read, ffmpeg would wait for a reader.
-                self.pixels = None;
-                self.end()
-            }
+            last => self.end().or(last.and_then(Result::err).map(Err)),
         }
     }
 
@@ -224,9 +220,11 @@ impl Ffmpeg {
 
     /// Why frames stopped; `None` at the end of the video.
     fn end(&mut self) -> Option<Decoded<Picture>> {
-        let ended = self.leash.wait();
-        // Its last messages may not have been read yet; log and channel of times end with the program.
+        // While its pictures or times could be read, ffmpeg would wait for a reader.
+        self.pixels = None;
         while self.times.recv().is_ok() {}
+        let ended = self.leash.wait();
+        // Its last messages may not have been read yet; the log ends with the program.
         self.listener.take().map(JoinHandle::join);
         let said = std::mem::take(&mut *self.said.lock().unwrap_or_else(PoisonError::into_inner));
         if said.resized && self.frames == 0 {

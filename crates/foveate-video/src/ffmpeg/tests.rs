@@ -209,6 +209,23 @@ fn a_frame_that_cannot_be_skipped_is_an_error() {
     assert!(error.contains("no more"), "{error}");
 }
 
+/// Between frames stands what is none, and more than a pipe holds, of pictures and of times. The program ends well.
+#[cfg(unix)]
+#[test]
+fn pictures_that_cannot_be_read_are_an_error() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let times = "{ echo '#tb 0: 1/5'; seq 100000 | sed 's/.*/0, 0, &, 1/'; } >&0";
+    let text = format!(
+        "printf 'YUV4MPEG2 W2 H2 F5:1 Cmono\\nFRAME\\nabcdNONE\\n'\n{times}\nhead -c 1000000 /dev/zero\nexit 0"
+    );
+    let program = crate::child::script(dir.path(), &text);
+    let mut ffmpeg =
+        Ffmpeg::open(&program, Path::new("x.avi"), 0, &Leash::default(), &Remarks::default()).expect("it runs");
+    assert!(ffmpeg.picture().is_some_and(|picture| picture.is_ok()));
+    let end = ffmpeg.picture().and_then(Result::err);
+    assert!(matches!(end, Some(DecodeError::Damaged(text)) if text.contains("expected a line FRAME")));
+}
+
 /// What ffprobe reports of the frames of the first video stream, in seconds from the first.
 fn stamps(path: &Path) -> Vec<f64> {
     let found = Command::new("ffprobe")
