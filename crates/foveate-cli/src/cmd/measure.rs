@@ -30,11 +30,22 @@ fn of_a_video() -> impl Iterator<Item = clap::Id> {
 }
 
 /// Options of streams and of many targets, which a measurement refuses.
-const HIDDEN: &str =
-    "every_frame max_latency listen reconnect detect detections least classes layout inits save_detections";
+const HIDDEN: [&str; 11] = [
+    "every_frame",
+    "max_latency",
+    "listen",
+    "reconnect",
+    "detect",
+    "detections",
+    "least",
+    "classes",
+    "layout",
+    "inits",
+    "save_detections",
+];
 
 #[derive(clap::Args)]
-#[command(after_help = FILES, mut_arg("sources", of_files), mut_args(|arg| match HIDDEN.split(' ').any(|hidden| arg.get_id() == hidden) {
+#[command(after_help = FILES, mut_arg("sources", of_files), mut_args(|arg| match HIDDEN.contains(&arg.get_id().as_str()) {
     true => arg.hide(true),
     false => arg,
 }))]
@@ -183,6 +194,6 @@ mod tests {
             let (id, applies) = (option.get_id(), ["out", "scale"].contains(&option.get_id().as_str()));
             assert_eq!(refused.iter().any(|other| other.get_id() == id), !applies, "{id}");
         }
-        assert!(HIDDEN.split(' ').all(|name| known(name).is_some()));
+        assert!(HIDDEN.into_iter().all(|name| known(name).is_some()));
     }
 }
