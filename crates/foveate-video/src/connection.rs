@@ -157,8 +157,12 @@ impl Connection {
         (self.options.notify)(&format!("{}: {news}", self.shown.display()));
     }
 
-    /// The first error that the ffmpeg reported which is given up.
     fn reason(&mut self) -> String {
+        self.complaint().unwrap_or_else(|| "no reason".into())
+    }
+
+    /// The first error that the ffmpeg reported which is given up.
+    fn complaint(&mut self) -> Option<String> {
         self.leash.end();
         // It may have ended before its words were read.
         if let Some(listener) = self.listener.take() {
@@ -166,8 +170,7 @@ impl Connection {
         }
         let reason = self.heard.lock().unwrap_or_else(PoisonError::into_inner).complaint.take();
         // It may repeat the address.
-        let reason = reason.map(|text| text.replace(&*self.address.to_string_lossy(), &self.shown.to_string_lossy()));
-        reason.unwrap_or_else(|| "no reason".into())
+        reason.map(|text| text.replace(&*self.address.to_string_lossy(), &self.shown.to_string_lossy()))
     }
 
     /// Starts ffmpeg, and ends it if no frame arrives until `due`.
@@ -269,7 +272,8 @@ impl Connection {
             if self.leash.is_over() {
                 return Ok(None);
             }
-            last = Some(self.reason());
+            // The last one may be ended before it says anything.
+            last = self.complaint().or(last).or_else(|| Some("no reason".into()));
         }
         if whole && listen {
             self.notify("no other sender came: the stream is at its end");

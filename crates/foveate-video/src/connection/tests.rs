@@ -112,7 +112,7 @@ fn the_end_of_a_stream_has_a_reason() {
     }
     // Nor is it in good order where it cannot be opened again.
     let refused = "echo '[rtsp @ 0x1] [error] Connection refused' >&2; exit 1";
-    let (_, error, _) = end_of("exit 0", refused, false, 1);
+    let (_, error, _) = end_of("exit 0", refused, false, 2);
     assert!(error.is_some_and(|error| error.contains("ended") && error.contains("Connection refused")));
     let (_, error, _) = end_of("exec sleep 100", "exit 1", false, 1);
     assert!(error.is_some_and(|error| error.contains("nothing came for 1 s")));
