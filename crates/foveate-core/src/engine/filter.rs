@@ -64,6 +64,8 @@ impl Validate<&Filter> for FilterState {
         ensure(particles == n && weights == n, || {
             format!("it has {particles} particles and {weights} weights, this tracker has {n}")
         })?;
+        let sum: f64 = self.log_weights.iter().map(|log_weight| log_weight.exp()).sum();
+        ensure((sum - 1.0).abs() < 1e-6, || format!("its weights add up to {sum}, not to 1"))?;
         let is_near = |particle: &State| particle.to_array().iter().all(|value| value.abs() <= FARTHEST);
         ensure(self.particles.iter().all(is_near), || format!("it has a particle beyond {FARTHEST:e}"))?;
         ensure(self.waiting.is_none() || filter.leap().is_some(), || "it waits, but its motion is not normal".into())?;
@@ -265,7 +267,7 @@ mod tests {
     use foveate_base::rng::Purpose;
     use std::sync::Arc;
 
-    /// Each rule by itself: as many particles, as many weights, and waiting only with normal motion.
+    /// Each rule by itself: as many particles, as many weights that add up to 1, and waiting only with normal motion.
     #[test]
     fn a_state_of_another_filter_is_refused() {
         let filter = |tail_probability| {
@@ -275,13 +277,16 @@ mod tests {
         let wait = Waiting { mean: State::default(), covariance: Covariance::default() };
         let state = |particles: usize, weights: usize, waiting: Option<Waiting>| FilterState {
             particles: vec![State::default(); particles],
-            log_weights: vec![0.0; weights],
+            log_weights: vec![-(weights as f64).ln(); weights],
             waiting,
         };
         let fits = |state: FilterState, tail: f64| state.validate(&&filter(tail)).is_ok();
         assert!(fits(state(3, 3, None), 0.1) && fits(state(3, 3, Some(wait)), 0.0));
         assert!(!fits(state(2, 3, None), 0.0) && !fits(state(3, 4, None), 0.0));
         assert!(!fits(state(3, 3, Some(wait)), 0.1), "a mixture of normals cannot wait");
+        let mut heavy = state(3, 3, None);
+        heavy.log_weights[1] = 60.0;
+        assert!(!fits(heavy, 0.0), "weights that do not add up to 1");
         let mut far = state(3, 3, None);
         far.particles[1].x = 1e10;
         assert!(!fits(far, 0.0));

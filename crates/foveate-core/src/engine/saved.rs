@@ -27,9 +27,14 @@ impl Validate for Own {
     fn validate(&self, (): &()) -> Valid {
         ensure(self.frame <= MOST_FRAMES, || format!("its frame number is {}", self.frame))?;
         let sane = |half: f64| (0.3..=1e6).contains(&half);
-        let fits = |Target { extent, unit, .. }: &Target| sane(extent.half_w) && sane(extent.half_h) && sane(*unit);
-        let shares = |Target { share, .. }: &Target| *share > 0.0 && *share <= 1.0;
-        ensure(self.target.as_ref().is_none_or(shares), || "the target's share of its box is not from 0 to 1".into())?;
+        let fits = |target: &Target| {
+            let (small, large) = (target.extent, target.drawn());
+            [small.half_w, small.half_h, large.half_w, large.half_h, target.unit].into_iter().all(sane)
+        };
+        let shares = |Target { share, .. }: &Target| (1e-3..=1.0).contains(share);
+        ensure(self.target.as_ref().is_none_or(shares), || {
+            "the target's share of its box is not from 0.001 to 1".into()
+        })?;
         ensure(self.target.as_ref().is_none_or(fits), || format!("the size of its target: {:?}", self.target))
     }
 }
@@ -111,6 +116,6 @@ mod tests {
             assert!(!fits(path, 0.29) && !fits(path, 1.01e6), "{path}");
         }
         let share = "/target/share";
-        assert!(fits(share, 1e-3) && fits(share, 1.0) && !fits(share, 0.0) && !fits(share, 1.001));
+        assert!(fits(share, 1e-3) && fits(share, 1.0) && !fits(share, 0.9e-3) && !fits(share, 1.001));
     }
 }
