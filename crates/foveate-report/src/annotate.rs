@@ -12,7 +12,7 @@ use crate::heat::{Heat, ramp, span};
 use foveate_core::Seen;
 use foveate_core::control::Status;
 use foveate_core::gaze::PolicySnapshot;
-use foveate_core::geometry::{BBox, Extent, Gaze, State};
+use foveate_core::geometry::{BBox, Extent, Fixation, Gaze, State};
 use foveate_core::scene::Image;
 use foveate_video::Frame;
 
@@ -309,7 +309,11 @@ pub(super) fn outline(
     thick: f64,
     colour: Colour,
 ) {
-    let f = state.fixate(gaze, extent);
+    framed(page, view, &state.fixate(gaze, extent), reach, thick, colour);
+}
+
+/// Draws `reach` times the square of a fixation.
+pub(super) fn framed(page: &mut Drawing, view: View, f: &Fixation, reach: f64, thick: f64, colour: Colour) {
     let at = |u: f64, v: f64| view.at((f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy));
     let corners = CORNERS.map(|(u, v)| at(reach * u, reach * v));
     page.outline(&corners, (thick + 1.8) * view.bold, BLACK, 0.4);

@@ -97,10 +97,11 @@ const X: Column =
 const Y: Column = Column::counted(0, "y", "px", "Centre of the target, down.");
 const VX: Column = Column::new("vx", "px/frame", "Velocity, across.");
 const VY: Column = Column::new("vy", "px/frame", "Velocity, down.");
-const LOG_SCALE: Column = Column::new("log_scale", "", "Natural logarithm of the size relative to frame 1.");
+const LOG_SCALE: Column =
+    Column::new("log_scale", "", "Natural logarithm of the size relative to the newest template.");
 const ANGLE: Column = Column::new("angle", "rad", "Rotation relative to frame 1, clockwise on the screen.");
 const LOG_ASPECT: Column =
-    Column::new("log_aspect", "", "Natural logarithm of width / height relative to frame 1, at the same area.");
+    Column::new("log_aspect", "", "Natural logarithm of width / height relative to that template, at the same area.");
 const SD_X: Column = Column::new("sd_x", "px", "Standard deviation of the error of `x`.");
 const SD_Y: Column = Column::new("sd_y", "px", "Standard deviation of the error of `y`.");
 const GAZE_U: Column =

@@ -3,10 +3,10 @@
 use foveate_base::text::counted;
 use std::collections::BTreeMap;
 
-use crate::annotate::{Path, View, cross, magnified, outline};
+use crate::annotate::{Path, View, cross, framed, magnified};
 use crate::draw::{CORNERS, Colour, Drawing, text_width};
 use foveate_core::Seen;
-use foveate_core::geometry::Gaze;
+use foveate_core::geometry::{Extent, Fixation, Gaze, State};
 use foveate_core::multi::Phase;
 use foveate_core::scene::Image;
 use foveate_video::Frame;
@@ -79,13 +79,20 @@ impl MultiAnnotator {
     }
 }
 
+/// Returns the centre and the half sides of the reported box, turned by the target's angle. The box of a target that was detected is not that
+/// of its state.
+pub(crate) fn turned_box(target: &Seen<'_>) -> Fixation {
+    let state = State { angle: target.state.angle, ..State::of(&target.bbox) };
+    state.fixate(Gaze::CENTRE, Extent::of(&target.bbox))
+}
+
 /// Draws the rotated box, only corners if it is occluded or lost, and a cross at the gaze.
 fn body(page: &mut Drawing, view: View, target: &Seen<'_>) {
     let ink = colour(target.id);
     if is_occluded_or_lost(target.phase) {
         corners(page, view, target, ink);
     } else {
-        outline(page, view, &target.state, target.extent, Gaze::CENTRE, 1.0, 2.0, ink);
+        framed(page, view, &turned_box(target), 1.0, 2.0, ink);
     }
     let at = target.state.fixate(target.gaze, target.extent);
     cross(page, view, (at.x, at.y), 5.0, 1.6, ink);
@@ -93,7 +100,7 @@ fn body(page: &mut Drawing, view: View, target: &Seen<'_>) {
 
 fn corners(page: &mut Drawing, view: View, target: &Seen<'_>, ink: Colour) {
     const LONG: f64 = 0.4;
-    let f = target.state.fixate(Gaze::CENTRE, target.extent);
+    let f = turned_box(target);
     let at = |u: f64, v: f64| view.at((f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy));
     for (u, v) in CORNERS {
         let bent = [at(u * (1.0 - LONG), v), at(u, v), at(u, v * (1.0 - LONG))];
@@ -109,7 +116,7 @@ fn label(page: &mut Drawing, view: View, target: &Seen<'_>) {
         phase => format!(" {}", phase.name()),
     };
     let (text, size) = (name(target) + &note, 8.0 * view.bold);
-    let f = target.state.fixate(Gaze::CENTRE, target.extent);
+    let f = turned_box(target);
     let (reach, left) = (f.uy.abs() + f.vy.abs(), f.ux.abs() + f.vx.abs());
     let (x, top) = view.at((f.x - left, f.y - reach));
     let y = if top >= 2.4 * size { top - 2.1 * size } else { view.at((f.x, f.y + reach)).1 + 0.7 * size };
@@ -122,7 +129,7 @@ fn label(page: &mut Drawing, view: View, target: &Seen<'_>) {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use foveate_core::geometry::{BBox, State};
+    use foveate_core::geometry::BBox;
 
     /// Returns a target of 20 px around (x, 20), turned by half a right angle.
     pub(crate) fn seen(id: u64, x: f64, phase: Phase) -> Seen<'static> {
@@ -154,6 +161,19 @@ pub(super) mod tests {
         assert_eq!(name(&seen(2, 0.0, Phase::Initiated)), "id 2: 7 98 %");
         assert_ne!(colour(1), colour(2));
         assert_eq!(colour(0), colour(6));
+    }
+
+    /// A detection gives a box that is not that of the state.
+    #[test]
+    fn the_reported_box_is_drawn() {
+        let mut detected = seen(1, 30.0, Phase::Tracked);
+        detected.bbox = BBox::around(90.0, 40.0, 12.0, 24.0);
+        (detected.state.angle, detected.state.log_scale) = (0.0, 1.0);
+        let Fixation { x, y, ux, vy, .. } = turned_box(&detected);
+        assert_eq!((x, y, ux, vy), (90.0, 40.0, 6.0, 12.0));
+        detected.state.angle = std::f64::consts::FRAC_PI_2;
+        let Fixation { uy, vx, .. } = turned_box(&detected);
+        assert_eq!((uy, vx), (6.0, -12.0));
     }
 
     #[test]

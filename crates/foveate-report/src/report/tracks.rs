@@ -8,10 +8,9 @@ use serde_json::{Value, json};
 use super::bars::{Span, bars};
 use super::html::{self, Template};
 use crate::draw::CORNERS;
-use crate::multi::{colour, is_occluded_or_lost, name};
+use crate::multi::{colour, is_occluded_or_lost, name, turned_box};
 use crate::template::Crop;
 use foveate_core::Seen;
-use foveate_core::geometry::Gaze;
 use foveate_core::multi::Phase;
 use foveate_video::Frame;
 
@@ -32,7 +31,9 @@ pub(super) struct Track {
     /// The target in its first frame, as a JPEG in base64.
     template: String,
     class: Option<(usize, f64)>,
-    /// Minimum and maximum size relative to the first frame.
+    /// Size in its first frame, pixels.
+    first: f64,
+    /// Minimum and maximum size relative to that.
     scale: (f64, f64),
     reidentified: usize,
 }
@@ -56,15 +57,17 @@ impl Tracks {
 
     /// Adds a target of a frame; `before` is the index of the frame that was read before it: a live run drops those between.
     pub(super) fn add(&mut self, frame: &Frame, before: usize, target: &Seen<'_>) {
-        let (at, scale) = (frame.index, target.state.log_scale.exp());
+        let (at, size) = (frame.index, (target.bbox.w * target.bbox.h).sqrt());
         let track = self.0.entry(target.id).or_insert_with(|| Track {
             spans: vec![],
             frames: [0; 3],
             template: Template::new(&Crop::around(&frame.image, &target.bbox).closer(1.1)).jpeg,
             class: None,
-            scale: (scale, scale),
+            first: size,
+            scale: (1.0, 1.0),
             reidentified: 0,
         });
+        let scale = size / track.first;
         let again = target.phase == Phase::ReIdentified;
         track.class = target.class.or(track.class);
         track.scale = (track.scale.0.min(scale), track.scale.1.max(scale));
@@ -127,7 +130,7 @@ impl Track {
 
 impl Drawn {
     pub(super) fn new(target: &Seen<'_>) -> Self {
-        let f = target.state.fixate(Gaze::CENTRE, target.extent);
+        let f = turned_box(target);
         let gaze = target.state.fixate(target.gaze, target.extent);
         let corners = CORNERS.into_iter().flat_map(|(u, v)| [f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy]);
         let [r, g, b] = colour(target.id);
@@ -138,5 +141,24 @@ impl Drawn {
             corners: is_occluded_or_lost(target.phase),
             at: corners.chain([gaze.x, gaze.y]).map(html::short).collect(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_core::geometry::BBox;
+    use foveate_core::scene::Image;
+
+    /// A new template has scale 1, whatever its size.
+    #[test]
+    fn sizes_are_those_of_boxes() {
+        let mut tracks = Tracks::default();
+        let frame = Frame { index: 0, time: 0.0, image: Image::grey(64, 48, 0) };
+        for side in [10.0, 20.0, 5.0] {
+            tracks.add(&frame, 0, &Seen::given([64, 48, 1], &BBox::new(4.0, 6.0, side, side)));
+        }
+        let track = tracks.0.values().next().expect("one");
+        assert_eq!(track.scale, (0.5, 2.0));
     }
 }
