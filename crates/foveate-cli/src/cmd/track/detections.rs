@@ -120,6 +120,8 @@ pub(super) struct Detections {
     /// Checks for camera motion, if the detector needs a static camera, until motion is found.
     still: Option<StillCamera>,
     pub warnings: Warnings,
+    /// The detector runs in every so many frames: `multi_target.every`.
+    pub every: usize,
 }
 
 impl Detections {
@@ -169,7 +171,7 @@ impl Detections {
         };
         let detector = parts.as_ref().map(|parts| parts.knowing(&pictures));
         let still = still.then(StillCamera::default);
-        Ok(Self { parts, detector, read, file, kept, still, warnings: Warnings::default() })
+        Ok(Self { parts, detector, read, file, kept, still, warnings: Warnings::default(), every: 1 })
     }
 
     pub(super) fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
@@ -184,7 +186,8 @@ impl Detections {
             }
         }
         match &mut self.detector {
-            Some(detector) => detector.detect(&frame.image, found),
+            Some(detector) if frame.index.is_multiple_of(self.every) => detector.detect(&frame.image, found),
+            Some(_) => (),
             None => found.extend_from_slice(self.read.get(&frame.index).map_or(&[], Vec::as_slice)),
         }
         if let Some((_, kept)) = &mut self.kept {
@@ -220,6 +223,7 @@ const MOVING: &str = "The camera moves: this detector finds what differs from a 
 mod tests {
     use super::*;
     use clap::Parser;
+    use foveate::scene::Map;
     use foveate::video::save_png;
 
     #[derive(Parser)]
@@ -229,6 +233,29 @@ mod tests {
         /// An input option that excludes loading a state.
         #[arg(long)]
         load_state: Option<PathBuf>,
+    }
+
+    #[test]
+    fn the_detector_runs_in_every_so_many_frames() {
+        struct Corner(Map);
+        impl Detector for Corner {
+            fn detect(&mut self, _: &Image, found: &mut Vec<Detection>) {
+                found.push(Detection::new(BBox::new(0.0, 0.0, 2.0, 2.0), 1.0));
+            }
+            fn map(&self) -> &Map {
+                &self.0
+            }
+        }
+        let mut detections =
+            Detections { detector: Some(Box::new(Corner(Map::default()))), every: 3, ..Detections::default() };
+        let runs: Vec<bool> = (0..7)
+            .map(|index| {
+                let (frame, mut found) = (Frame { index, time: 0.0, image: Image::grey(16, 12, 0) }, vec![]);
+                detections.next(&frame, false, &mut found).expect("a detector that finds");
+                !found.is_empty()
+            })
+            .collect();
+        assert_eq!(runs, [true, false, false, true, false, false, true]);
     }
 
     #[test]
