@@ -60,7 +60,7 @@ impl Follows for MultiTracker {
 pub(crate) struct Working<T> {
     pub tracker: T,
     /// The current picture, in planes; after an update a pickle needs it to continue bit for bit.
-    image: Option<Image>,
+    pub image: Option<Image>,
     /// The buffer for the next picture: swapped after the tracker has accepted the picture, so that a refused picture is discarded.
     spare: Option<Image>,
 }

@@ -123,7 +123,11 @@ impl PyMultiTracker {
 
     /// Marks a cut before the next picture: all targets are terminated, and re-identified if they return.
     fn cut(&self, py: Python<'_>) {
-        py.detach(|| self.held.working().tracker.cut());
+        py.detach(|| {
+            let mut working = self.held.working();
+            working.tracker.cut();
+            working.image = None;
+        });
     }
 
     /// All active targets of the last picture, by id, including those in the phase "lost", whose boxes are guesses.

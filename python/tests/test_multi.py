@@ -76,6 +76,10 @@ def test_a_pickle_goes_on_bit_for_bit(pictures: Any) -> None:
         assert boxes[0] and boxes[0] == boxes[1] == boxes[2]
     with pytest.raises(foveate.InputError, match="saved"):
         third.load(b"{}")
+    # After a cut the picture before it counts no more.
+    tracker.cut()
+    other = pickle.loads(pickle.dumps(tracker))
+    other.update(pictures[14][:50])
 
 
 def test_supervision(pictures: Any) -> None:
