@@ -10,8 +10,9 @@ use crate::annotation::{LARGEST, at_line, lines, shortened};
 use foveate_base::{Error, Result, files};
 use foveate_core::geometry::BBox;
 
-/// Whole numbers beyond this are damage.
-const LARGEST_WHOLE: f64 = 1e9;
+/// Frame numbers beyond this are damage, and ids are not whole.
+const LAST_FRAME: f64 = 1e9;
+const LARGEST_ID: f64 = (1_u64 << 53) as f64;
 
 /// One box in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,9 +112,9 @@ fn parse_line(line: &str) -> std::result::Result<TrackBox, String> {
         return Err(format!("expected frame,id,x,y,w,h,conf, found {count} numbers"));
     }
     let [frame, id, x, y, w, h, confidence] = values;
-    for (name, value) in [("frame", frame), ("id", id)] {
-        if value.fract() != 0.0 || value.abs() > LARGEST_WHOLE || value.is_nan() {
-            return Err(format!("{name} {value} is not a whole number up to {LARGEST_WHOLE}"));
+    for (name, value, most) in [("frame", frame, LAST_FRAME), ("id", id, LARGEST_ID)] {
+        if value.fract() != 0.0 || value.abs() > most || value.is_nan() {
+            return Err(format!("{name} {value} is not a whole number up to {most}"));
         }
     }
     if frame < 1.0 {
@@ -160,6 +161,8 @@ mod tests {
         tracks.write(dir.path().join("a.txt")).expect("written");
         assert_eq!(Tracks::read(dir.path().join("a.txt")).expect("own file").text(), text);
         assert_eq!(parse("").expect("no boxes"), Tracks::default());
+        let large = parse("1,9007199254740992,1,1,1,1").expect("the largest id");
+        assert_eq!(large.sightings[0].id, 1 << 53);
     }
 
     #[test]
@@ -170,6 +173,8 @@ mod tests {
             ("\n0,1,1,1,1,1", "line 2: frame 0: frames count from 1"),
             ("1.5,1,1,1,1,1", "frame 1.5 is not a whole number"),
             ("1,1e300,1,1,1,1", "is not a whole number"),
+            ("1,9007199254740994,1,1,1,1", "is not a whole number up to 9007199254740992"),
+            ("1000000001,1,1,1,1,1", "is not a whole number up to 1000000000"),
             ("1,nan,1,1,1,1", "id NaN"),
             ("1,1,1,1,1e9,1", "1000000000 is no number of pixels"),
             ("1,1,1,inf,1,1", "inf is no number of pixels"),
