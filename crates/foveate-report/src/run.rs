@@ -52,7 +52,7 @@ pub struct RunPlan<'a> {
     pub stop: &'a dyn Fn() -> bool,
     /// Accumulates the time spent in the tracker.
     pub clock: Clock,
-    /// Receives a warning at the end if the source found damage in its video.
+    /// Receives the warnings: damage in the video, and what was not used.
     pub warnings: Warnings,
     /// Whether the run is endless: the summary then has no list that grows with every frame.
     pub endless: bool,
@@ -118,6 +118,7 @@ pub fn run<'a>(
     let result = run.frames(source);
     run.summary.damaged = remarks.damaged();
     remarks.sentences().into_iter().for_each(|sentence| warnings.add(sentence));
+    run.warn(result.is_ok() && !run.summary.stopped);
     let finished = run.observer.finish();
     (run.summary, result.and(finished))
 }
@@ -133,6 +134,10 @@ struct Run<'t, 'o, 'p> {
     next: usize,
     summary: RunSummary,
 }
+
+/// The warning of a run in which memory kept tracks from being started.
+const FULL: &str =
+    "There were more targets than memory allows: some detections started no track. Allow more with --max-memory.";
 
 impl Run<'_, '_, '_> {
     fn frames(&mut self, source: &mut dyn FrameSource) -> Result<()> {
@@ -171,6 +176,21 @@ impl Run<'_, '_, '_> {
             ));
         }
         Ok(())
+    }
+
+    /// Warns of targets that there was no memory for, and of given boxes after the end of the video, if it `ended`.
+    fn warn(&self, ended: bool) {
+        let AnyTracker::Many(tracker) = &self.tracker else { return };
+        if tracker.is_full() {
+            self.plan.warnings.add(FULL.into());
+        }
+        let late = self.plan.given.iter().filter(|given| given.frame >= self.next).count();
+        if ended && late > 0 {
+            self.plan.warnings.add(format!(
+                "{late} of the first boxes are of frames after frame {}, the last one: they were not used.",
+                self.next
+            ));
+        }
     }
 
     /// Processes a frame before the run.

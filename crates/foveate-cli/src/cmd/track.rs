@@ -128,20 +128,12 @@ fn is_tracked(job: &Job<'_>, summary: &RunSummary, well: bool) -> bool {
 
 /// Reports boxes of frames that the video turned out not to have.
 fn note_unused(job: &Job<'_>, subject: &Subject, end: usize) {
-    let late: Vec<usize> = job.given.iter().map(|given| given.frame).filter(|frame| *frame >= end).collect();
-    let Subject::Many(_, detections, _) = subject else {
-        for frame in late {
-            note!("foveate: --reinit {}: the video ended at frame {end}; this box was not used", frame + 1);
-        }
-        return;
-    };
-    if !late.is_empty() {
-        job.info.warnings.add(format!(
-            "{} of the first boxes are of frames after frame {end}, the last one: they were not used.",
-            late.len()
-        ));
+    if let Subject::Many(_, detections, _) = subject {
+        return detections.note_late(end);
     }
-    detections.note_late(end);
+    for given in job.given.iter().filter(|given| given.frame >= end) {
+        note!("foveate: --reinit {}: the video ended at frame {end}; this box was not used", given.frame + 1);
+    }
 }
 
 /// Keeps the results of a run in which something was tracked, except those that could not be written; returns their paths. Fails if some
@@ -174,20 +166,13 @@ fn tell(
     error: Option<String>,
 ) {
     let mut detector = None;
-    if let Subject::Many(tracker, _, source) = subject {
-        if tracker.is_full() {
-            job.info.warnings.add(FULL.into());
-        }
+    if let Subject::Many(_, _, source) = subject {
         detector = Some((source.to_string(), matches!(source, DetectionSource::Ours(..))));
     }
     let (total, warnings) = (began.elapsed(), job.info.warnings.all());
     let &Job { source, out, seed, json, .. } = job;
     Ending { source, out, seed, json, detector, summary, files, total, warnings, error }.tell();
 }
-
-/// The warning of a run in which memory kept tracks from being started.
-const FULL: &str =
-    "There were more targets than memory allows: some detections started no track. Allow more with --max-memory.";
 
 /// Reports a run in which nothing was tracked, and ends the program after a stop request.
 fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result<()> {

@@ -68,7 +68,17 @@ fn nothing_is_read_after_the_last_frame_of_the_plan() {
 }
 
 #[test]
-fn a_target_that_is_given_again_is_counted_once() {
+fn a_target_that_is_given_again_is_counted_once_and_one_after_the_end_is_reported() {
+    struct AtEnd(Warnings, Vec<String>);
+    impl Observer for AtEnd {
+        fn observe(&mut self, _: &Frame, _: &[Seen<'_>]) -> Result<()> {
+            Ok(())
+        }
+        fn finish(&mut self) -> Result<()> {
+            self.1 = self.0.all();
+            Ok(())
+        }
+    }
     let dir = tempfile::tempdir().expect("a folder");
     let image = picture();
     (0..6).for_each(|t| save_png(dir.path().join(format!("{t}.png")), &image).expect("writable"));
@@ -76,12 +86,15 @@ fn a_target_that_is_given_again_is_counted_once() {
     let blueprint = Config { particles: 50, ..config }.check(&Nowhere).expect("it fits");
     let mut tracker = blueprint.multi_tracker(1).expect("trackers");
     let (a, b) = (BBox::new(10.0, 10.0, 20.0, 20.0), BBox::new(60.0, 30.0, 20.0, 20.0));
-    let given = [(0, 7, a), (0, 8, b), (4, 7, a)].map(|(frame, id, bbox)| Given { frame, id: Some(id), bbox });
+    let given =
+        [(0, 7, a), (0, 8, b), (4, 7, a), (6, 9, b)].map(|(frame, id, bbox)| Given { frame, id: Some(id), bbox });
     let mut source = ImageFolder::open(dir.path()).expect("images");
-    let plan = RunPlan { given: &given, ..RunPlan::default() };
-    let (summary, result) = run(&mut source, &mut tracker, &mut Numbers(vec![]), plan);
+    let mut seen = AtEnd(Warnings::default(), vec![]);
+    let plan = RunPlan { given: &given, warnings: seen.0.clone(), ..RunPlan::default() };
+    let (summary, result) = run(&mut source, &mut tracker, &mut seen, plan);
     result.expect("tracked");
     assert_eq!((summary.frames, summary.initiated), (6, 2));
+    assert!(matches!(&seen.1[..], [late] if late.starts_with("1 of the first boxes")), "{:?}", seen.1);
 }
 
 #[test]
