@@ -58,3 +58,21 @@ fn impossible_work_is_refused_first() {
         fails(command(dir.path(), "x.safetensors", extra), word);
     }
 }
+
+/// Other digits in the same folder are other data.
+#[cfg(unix)]
+#[test]
+fn a_training_does_not_go_on_with_other_digits() {
+    use std::io::{BufRead, BufReader};
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    write_digits(dir.path());
+    let long = ["training.epochs=100000", "clean=true"];
+    let mut child = command(dir.path(), "m.safetensors", &long).spawn().expect("it runs");
+    let lines = BufReader::new(child.stdout.take().expect("piped")).lines();
+    let begun = lines.map_while(Result::ok).find(|line| line.starts_with("epoch 2"));
+    assert!(begun.is_some(), "it ended too soon");
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs").success());
+    assert_eq!(child.wait().expect("it ends").code(), Some(130));
+    foveate_testing::write_digits(dir.path(), "train", 120, 2, |i, x, y| (4 + i % 5..9 + i % 5).contains(&x) && y > 7);
+    fails(command(dir.path(), "m.safetensors", &long), "was begun");
+}

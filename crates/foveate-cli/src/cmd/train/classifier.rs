@@ -9,6 +9,7 @@ use foveate::identity::Classifier;
 use foveate::identity::retina::FovealConfig;
 use foveate::lab::training::classifier::{Held, Recipe, Trainer, calibrated, judge};
 use foveate::lab::training::pictures::{FeatureExtractor, Pictures, Variation};
+use foveate::lab::training::sha256_of;
 use foveate::learn::rbm::Metadata;
 use foveate::rows::Rows;
 
@@ -112,8 +113,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
     let variation = if args.still { Variation::default() } else { Variation::of_tracks() };
     let extractor = FeatureExtractor { retina, encoder, variation, seed: args.seed };
-    let data = format!("{} {first_layer} {geometry} {}", all.sha256(), args.still);
     let as_they_are = look(&extractor, Variation::default(), &held, 1);
+    // The first layer by what it makes of them: its file may be another one of the same name.
+    let data = format!("{} {} {geometry} {}", all.sha256(), sha256_of(&as_they_are), args.still);
     let trainer = files.train::<Trainer, _>(
         &recipe,
         &data,

@@ -9,6 +9,7 @@ use foveate::identity::{Encoder, MultiFixation};
 use foveate::lab::eval::Reliability;
 use foveate::lab::training::recognition::curve;
 use foveate::lab::training::sequences::{FixationData, FixationSampler, Gazes, Nuisance, larochelle_hinton};
+use foveate::lab::training::{Source, sha256_of};
 use foveate::lab::{Digits, Split};
 use foveate::learn::rbm::Metadata;
 use foveate::learn::rbm::fixations::{About, FixationRbm, Places, Recipe, Trainer};
@@ -112,7 +113,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         recipe.window
     );
 
-    let name = format!("{} digits, {}", learn.len(), command);
+    let digits = Source::of_digits(learn.clone()).sha256().to_owned();
+    // What the first layer makes of them: its file may be another one of the same name.
+    let name = format!("{digits} {} {command}", sha256_of(held.sequences().glimpses().data()));
     let still = matches!(view.sampler.gazes, Gazes::All(_)) && view.sampler.nuisance == Nuisance::default();
     let shown = |epoch: usize| view.sampler.look(&learn, if still { 0 } else { epoch as u64 });
     let trainer = files.train::<Trainer, _>(recipe, &name, shown, FixationData::sequences, |trainer, _| {
@@ -137,7 +140,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         retina: view.retina.clone(),
         command,
         data: format!("{} MNIST training digits", learn.len()),
-        data_sha256: foveate::lab::training::Source::of_digits(learn.clone()).sha256().into(),
+        data_sha256: digits,
         seed: recipe.seed,
         epochs: recipe.epochs,
     };
