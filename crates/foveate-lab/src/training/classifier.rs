@@ -179,23 +179,26 @@ pub struct Held {
     pub confusion: Vec<Vec<usize>>,
 }
 
-/// Fits the temperature on held-out rows. It is at least 1: a few pictures that are all classified correctly would otherwise make the
+/// Fits the temperature on rows of held-out pictures with these labels, each picture's once a pass. It is at least 1: a few pictures that are all classified correctly would otherwise make the
 /// classifier overconfident.
 pub fn calibrated(softmax: Softmax, rows: Rows<'_>, labels: &[u8]) -> Softmax {
-    let mut log_p = vec![0.0; labels.len() * softmax.classes()];
+    let mut log_p = vec![0.0; rows.len() * softmax.classes()];
     let softmax = softmax.at(1.0);
     softmax.log_probabilities(rows, &mut log_p);
-    let t = temperature(&log_p, labels, softmax.classes()).max(1.0);
+    let labels: Vec<u8> = labels.iter().cycle().take(rows.len()).copied().collect();
+    let t = temperature(&log_p, &labels, softmax.classes()).max(1.0);
     softmax.at(t)
 }
 
-/// Tests a classifier (at temperature 1) on held-out rows.
+/// Tests a classifier (at temperature 1) on rows of held-out pictures with these labels, each picture's once a pass. The temperature of
+/// each half of the pictures is fitted on the other.
 pub fn judge(softmax: &Softmax, rows: Rows<'_>, labels: &[u8]) -> Held {
     let n = softmax.classes();
-    let mut log_p = vec![0.0; labels.len() * n];
+    let mut log_p = vec![0.0; rows.len() * n];
     softmax.log_probabilities(rows, &mut log_p);
     let half = |odd: bool| -> (Vec<f64>, Vec<u8>) {
-        let own = log_p.chunks_exact(n).zip(labels).enumerate().filter(|(i, _)| (i % 2 == 1) == odd);
+        let all = log_p.chunks_exact(n).zip(labels.iter().cycle());
+        let own = all.enumerate().filter(|(i, _)| (i % labels.len() % 2 == 1) == odd);
         let (q, l): (Vec<&[f64]>, Vec<u8>) = own.map(|(_, (q, l))| (q, *l)).unzip();
         (q.concat(), l)
     };
@@ -268,6 +271,12 @@ mod tests {
         // All of a few are right: this must not increase the confidence.
         let few = calibrated(whole.learned().expect("finite"), Rows::new(&x[..30], 10), &y[..3]);
         assert_eq!(few.temperature(), 1.0);
+        // An odd number of pictures, twice: each is in one half.
+        let [once, twice] = [1, 2].map(|passes| {
+            let rows = x[..90].repeat(passes);
+            judge(&whole.learned().expect("finite"), Rows::new(&rows, 10), &y[..9]).reliability
+        });
+        assert!((once.log_loss - twice.log_loss).abs() < 1e-9, "{} {}", once.log_loss, twice.log_loss);
         // One row alone can be judged too.
         assert_eq!(judge(&whole.learned().expect("finite"), Rows::new(&x[..10], 10), &y[..1]).confusion[0][0], 1);
     }

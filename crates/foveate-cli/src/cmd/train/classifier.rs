@@ -133,10 +133,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
     let softmax = trainer.learned()?;
     let varied = look(&extractor, Variation::of_tracks(), &held, SHOWN);
-    let again = held.labels().repeat(SHOWN as usize);
     print("held-out pictures as they are", all.names(), &judge(&softmax, Rows::new(&as_they_are, n_h), held.labels()));
-    print("held-out pictures as along tracks", all.names(), &judge(&softmax, Rows::new(&varied, n_h), &again));
-    let softmax = calibrated(softmax, Rows::new(&varied, n_h), &again);
+    print("held-out pictures as along tracks", all.names(), &judge(&softmax, Rows::new(&varied, n_h), held.labels()));
+    let softmax = calibrated(softmax, Rows::new(&varied, n_h), held.labels());
     let metadata = Metadata {
         retina: geometry,
         command: args.command(),
