@@ -142,7 +142,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let written =
         write_results(&args, results.folder(), boxes.with_tracks(tracks, frames, &about)?, &targets, &checks, &page);
     let lost = written.map_err(|error| results.with_final_path(&error))?;
-    let paths = results.keep(Ended::Finished, frames, Ok(()))?;
+    let paths = results.keep(Ended::Finished, frames, None)?;
     lost.iter().for_each(|lost| note!("foveate: {file}: {lost}"));
     if left_out > 0 {
         note!("foveate: {} left out: their expected IoU is below {LEAST}", counted(left_out, "box"));

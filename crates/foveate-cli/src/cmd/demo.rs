@@ -156,7 +156,7 @@ pub(crate) fn run(args: Args) -> Result<()> {
         )));
     }
     let ended = if summary.stopped { Ended::Stopped } else { Ended::Finished };
-    results.keep(ended, summary.frames, Ok(()))?;
+    results.keep(ended, summary.frames, None)?;
     let frames = summary.frames;
     say!("Followed {described}, through {}.", counted(frames, "frame"));
     tell(&policy, &summary.boxes, &truth, summary.values / summary.tracked)?;

@@ -154,13 +154,13 @@ impl Results {
 
     /// Moves the results of a run with this ending and number of frames into place. Returns their paths. If a result is missing or cannot
     /// be moved, the folder stays unchanged, and the results are kept beside it under a name that the error states. The same happens if
-    /// some results were lost (`lost` is an error) and the folder holds a finished run.
-    pub(super) fn keep(mut self, ended: Ended, frames: usize, lost: Result<()>) -> Result<Vec<PathBuf>> {
+    /// some results were `lost` and the folder holds a finished run.
+    pub(super) fn keep(mut self, ended: Ended, frames: usize, lost: Option<&Error>) -> Result<Vec<PathBuf>> {
         self.ended = (ended, frames);
         let missing = self.names.iter().find(|name| !self.part.join(name).is_file());
-        let placed = match (missing, &lost) {
+        let placed = match (missing, lost) {
             (Some(name), _) => Err(Error::malformed(self.asked.join(name), "it was not written")),
-            (None, Err(error)) if is_finished(&self.out) => {
+            (None, Some(error)) if is_finished(&self.out) => {
                 // The disk may be full; the files are kept with or without their list.
                 let _ = self.list(&self.part, &self.names, true);
                 Err(Error::Invalid(format!("{error}; run it again when the cause is gone, or give another --out")))
@@ -178,7 +178,7 @@ impl Results {
                 at.display()
             )));
         }
-        lost.map(|()| self.names.iter().map(|name| self.asked.join(name)).collect())
+        Ok(self.names.iter().map(|name| self.asked.join(name)).collect())
     }
 
     /// Sets the number of source frames in which the decoder reported damage.

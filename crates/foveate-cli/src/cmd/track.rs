@@ -107,12 +107,11 @@ fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
         note_unused(&job, &subject, next_frame);
     }
     let tracked = is_tracked(&job, &summary, result.is_ok());
-    let kept = keep(results, &failed, tracked, result.is_ok(), &summary);
+    let (files, kept) = keep(results, &failed, tracked, result.is_ok(), &summary);
     let saved = if tracked { job.save(&subject, next_frame) } else { Ok(()) };
-    let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
     let errors = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten();
     let error = errors.map(ToString::to_string).reduce(|all, error| all + "; " + &error);
-    tell(&job, &subject, &summary, files, began, error.clone());
+    tell(&job, &subject, &summary, &files, began, error.clone());
     if !job.json {
         lines.all().iter().for_each(|line| say!("{line}"));
     }
@@ -136,15 +135,15 @@ fn note_unused(job: &Job<'_>, subject: &Subject, end: usize) {
     }
 }
 
-/// Keeps the results of a run in which something was tracked, except those that could not be written; returns their paths. Fails if some
-/// could not be written.
+/// Keeps the results of a run in which something was tracked, except those that could not be written. Returns their paths, and an error if
+/// some could not be written.
 fn keep(
     mut results: Results,
     failed: &FailedOutputs,
     tracked: bool,
     well: bool,
     summary: &RunSummary,
-) -> Result<Vec<PathBuf>> {
+) -> (Vec<PathBuf>, Result<()>) {
     let ended = match (well && failed.names().is_empty(), summary.stopped) {
         (false, _) => Ended::Error,
         (true, true) => Ended::Stopped,
@@ -153,7 +152,13 @@ fn keep(
     results.set_damaged(summary.damaged);
     let cut = results.leave_out(&failed.names());
     let failed = failed.check(&cut).map_err(|error| results.with_final_path(&error));
-    if tracked && !results.is_empty() { results.keep(ended, summary.frames, failed) } else { failed.map(|()| vec![]) }
+    if !tracked || results.is_empty() {
+        return (vec![], failed);
+    }
+    match results.keep(ended, summary.frames, failed.as_ref().err()) {
+        Ok(paths) => (paths, failed),
+        Err(error) => (vec![], Err(error)),
+    }
 }
 
 /// Prints the end of a run.

@@ -85,22 +85,24 @@ fn a_live_run_on_a_full_disk_keeps_its_lines() {
     let frame = 64 * 48;
     let run = |out: &str, fault: &str, bytes: usize| {
         let args = ["track", "-", "--raw", "64x48", "--pix", "gray", "--init", "9,9,20,20", "-c", "c.toml", "-o", out];
-        let mut command = place.command([&args[..], &["--no-video", "--no-report"]].concat());
-        command.env("FOVEATE_FAULT", fault).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut command = place.command([&args[..], &["--no-video", "--no-report", "--json"]].concat());
+        command.env("FOVEATE_FAULT", fault).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("it starts");
         let pixels: Vec<u8> = (0..bytes).map(|i| (i % frame * 37 % 251) as u8).collect();
         child.stdin.take().expect("a pipe").write_all(&pixels).expect("it reads all");
-        errors(&child.wait_with_output().expect("it ends"))
+        let output = child.wait_with_output().expect("it ends");
+        (errors(&output), String::from_utf8(output.stdout).expect("text"))
     };
-    let said = run("out", "write@boxes.txt:5+", 10 * frame);
+    let (said, summary) = run("out", "write@boxes.txt:5+", 10 * frame);
+    assert!(summary.contains("out/boxes.txt") && summary.contains("out/track.csv"), "{summary}");
     assert!(said.contains("boxes.txt ends early: ") && said.contains("failed on request"), "{said}");
     assert_eq!(place.names("out"), ["boxes.txt", "run.json", "track.csv"]);
     assert_eq!((place.lines("out/boxes.txt"), place.lines("out/track.csv")), (4, 11));
-    let said = run("cut", "write@boxes.txt:5+", 10 * frame + 9);
+    let (said, _) = run("cut", "write@boxes.txt:5+", 10 * frame + 9);
     assert!(said.contains("boxes.txt ends early: ") && said.contains("frame 11: "), "{said}");
     assert_eq!((place.lines("cut/boxes.txt"), place.lines("cut/track.csv")), (4, 11));
     // The list of files cannot be written either.
-    let said = run("full", "write:9+", 10 * frame);
+    let (said, _) = run("full", "write:9+", 10 * frame);
     let (_, folder) = said.trim().rsplit_once("of this run are in ").expect("where it is");
     assert_eq!(
         (place.lines(&format!("{folder}/boxes.txt")), place.lines(&format!("{folder}/track.csv"))),
