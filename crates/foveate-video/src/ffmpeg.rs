@@ -189,8 +189,14 @@ impl Ffmpeg {
     /// The next frame and its time in seconds from the first.
     pub(crate) fn picture(&mut self) -> Option<Decoded<Picture>> {
         if let Some(output) = self.output.take() {
-            // If there is no header, `end` returns the reason.
-            self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
+            let mut output = BufReader::new(output);
+            let has_header = output.fill_buf().is_ok_and(|bytes| !bytes.is_empty());
+            match Y4m::new(output, &[]) {
+                Ok(pixels) => self.pixels = Some(pixels),
+                Err(problem) if has_header => return Some(Err(problem)),
+                // `end` returns the reason.
+                Err(_) => (),
+            }
         }
         match self.pixels.as_mut().and_then(Y4m::picture) {
             Some(Ok(yuv)) => Some(self.shown(&yuv)),

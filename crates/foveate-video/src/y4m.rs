@@ -15,6 +15,7 @@ pub(crate) const MAGIC: &[u8] = b"YUV4MPEG2 ";
 /// The longest line that is read; programs write a hundred bytes.
 const MOST_LINE: usize = 1024;
 const TODO: &str = "write it with `ffmpeg -i IN -fps_mode passthrough -pix_fmt yuv420p -f yuv4mpegpipe -`";
+const SMALLER: &str = "make the video smaller with `ffmpeg -i IN -vf scale=iw/2:-2 OUT.mp4`";
 
 /// The content of the first line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -177,7 +178,7 @@ fn parse(line: &[u8]) -> Result<Head, String> {
         let (name, value) = field.split_at(field.chars().next().map_or(0, char::len_utf8));
         let side = || value.parse::<usize>().ok().filter(|n| (1..=MAX_SIDE).contains(n)).ok_or(());
         let wrong =
-            |()| format!("expected sides from 1 to {MAX_SIDE} pixels, found \"{}\"; {TODO}", field.escape_debug());
+            |()| format!("expected sides from 1 to {MAX_SIDE} pixels, found \"{}\"; {SMALLER}", field.escape_debug());
         match name {
             "W" => width = side().map_err(wrong)?,
             "H" => height = side().map_err(wrong)?,

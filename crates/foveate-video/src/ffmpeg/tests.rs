@@ -226,6 +226,21 @@ fn pictures_that_cannot_be_read_are_an_error() {
     assert!(matches!(end, Some(DecodeError::Damaged(text)) if text.contains("expected a line FRAME")));
 }
 
+/// The reader's reason, not the broken pipe of a writer that it left.
+#[cfg(unix)]
+#[test]
+fn pictures_that_are_too_wide_are_an_error_with_the_reason() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let text = "printf 'YUV4MPEG2 W17000 H64 F5:1 Cmono\n'
+echo '[error] Broken pipe' >&2
+exit 1";
+    let program = crate::child::script(dir.path(), text);
+    let mut ffmpeg =
+        Ffmpeg::open(&program, Path::new("x.avi"), 0, &Leash::default(), &Remarks::default()).expect("it runs");
+    let end = ffmpeg.picture().and_then(Result::err);
+    assert!(matches!(end, Some(DecodeError::Damaged(text)) if text.contains("W17000")));
+}
+
 /// What ffprobe reports of the frames of the first video stream, in seconds from the first.
 fn stamps(path: &Path) -> Vec<f64> {
     let found = Command::new("ffprobe")
