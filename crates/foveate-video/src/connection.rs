@@ -212,7 +212,7 @@ impl Connection {
         let yuv = pixels.picture()?.ok()?;
         // From here on the reader is waited for, and may take its time.
         self.watch.set(None);
-        let full = pixels.head.full_range.unwrap_or(false);
+        let full = pixels.head.full_range.unwrap_or(yuv.is_grey());
         let image = yuv.to_rgb(Colour::new(None, full, yuv.width, yuv.height));
         let image = pixels.head.aspect.square(image).ok()?;
         self.remarks.set_sides(Size::new(yuv.width, yuv.height), image.size());

@@ -206,7 +206,9 @@ impl Ffmpeg {
 
     fn shown(&mut self, yuv: &Yuv) -> Decoded<Picture> {
         let head = self.pixels.as_ref().map(|pixels| pixels.head);
-        let full = head.and_then(|head| head.full_range).unwrap_or(self.facts.full_range);
+        // Grey that states no range has all of it, as in ffmpeg.
+        let stated = head.and_then(|head| head.full_range);
+        let full = stated.unwrap_or(self.facts.full_range || yuv.is_grey());
         let image = yuv.to_rgb(Colour::new(self.facts.matrix, full, yuv.width, yuv.height));
         let image = head.map_or(Aspect::default(), |head| head.aspect).square(image)?;
         self.remarks.set_sides(Size::new(yuv.width, yuv.height), image.size());
