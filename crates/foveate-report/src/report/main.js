@@ -70,7 +70,7 @@ function write() {
   const strong = text => element('b', {}, text);
   const keyboard = text => element('kbd', {}, text);
   byId('legend').append(
-    line('<path d="M6 2L24 6L20 18L2 14z" fill="none" stroke="var(--target)" stroke-width="2"/>', strong('Box and path. '), 'The estimate: the mean of the particles, with its rotation, and its last frames.'),
+    line('<path d="M6 2L24 6L20 18L2 14z" fill="none" stroke="var(--target)" stroke-width="2"/>', strong('Box and path. '), 'The reported box, turned by the estimated angle, and the last centres.'),
     line('<path d="M3 7V3h5M18 3h5v4M23 13v4h-5M8 17H3v-4" fill="none" stroke="var(--target)" stroke-width="2"/>', strong('Corners alone. '), 'The target is occluded or lost; its motion predicts the box.'),
     ...(known ? [line('<rect x="3" y="3" width="20" height="14" fill="none" stroke="var(--second)" stroke-width="2" stroke-dasharray="2 3"/>', strong('Truth. '), 'The true box; the tracker does not know it.')] : []),
     ...data.baselines.map(({ name }, i) => line(`<rect x="3" y="3" width="20" height="14" fill="none" stroke="var(--${['baseline', 'third'][i]})" stroke-width="2.2"/>`, strong(`${name[0].toUpperCase()}${name.slice(1)}. `), 'The box of another tracker on the same frames; dashed in the chart of the centre error.')),
