@@ -114,6 +114,9 @@ pub(crate) fn run(args: Args) -> Result<()> {
     let store = Store::shared(&args.out, &args.merge, args.shard)?;
     let setup = Setup::of(args.data, store, args.out)?;
     let setup = Setup { settings: args.set, quick: args.quick, ..setup };
+    if let Some(root) = &args.write_docs {
+        docs::check(root, &setup)?;
+    }
     let peers = peers::read(&args.peer)?;
     std::fs::create_dir_all(&setup.out).map_err(Error::io(&setup.out, "cannot make the folder for results"))?;
     let (mut sections, mut missing) = (vec![], 0);

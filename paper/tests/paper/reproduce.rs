@@ -149,6 +149,7 @@ fn impossible_requests_are_refused() {
         (&["wrong.toml"], "wrong.toml: line Hedge is run on a scene dark"),
         (&["flat.toml"], "gp-ucb"),
         (&["fig-digits", "--set", "particles=50", "--write-docs", "."], "--write-docs"),
+        (&["fig-digits", "--write-docs", "."], "expects MNIST's test files"),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_paper"))
             .arg("reproduce")
