@@ -120,8 +120,10 @@ pub(super) struct Detections {
     /// Checks for camera motion, if the detector needs a static camera, until motion is found.
     still: Option<StillCamera>,
     pub warnings: Warnings,
-    /// The detector runs in every so many frames: `multi_target.every`.
+    /// The detector runs in every so many frames of the tracker: `multi_target.every`.
     pub every: usize,
+    /// Frames so far. A live run leaves out others, which have numbers too.
+    frames: usize,
 }
 
 impl Detections {
@@ -171,7 +173,7 @@ impl Detections {
         };
         let detector = parts.as_ref().map(|parts| parts.knowing(&pictures));
         let still = still.then(StillCamera::default);
-        Ok(Self { parts, detector, read, file, kept, still, warnings: Warnings::default(), every: 1 })
+        Ok(Self { parts, detector, read, file, kept, still, warnings: Warnings::default(), every: 1, frames: 0 })
     }
 
     pub(super) fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
@@ -185,8 +187,10 @@ impl Detections {
                 self.still = None;
             }
         }
+        let due = self.frames.is_multiple_of(self.every);
+        self.frames += 1;
         match &mut self.detector {
-            Some(detector) if frame.index.is_multiple_of(self.every) => detector.detect(&frame.image, found),
+            Some(detector) if due => detector.detect(&frame.image, found),
             Some(_) => (),
             None => found.extend_from_slice(self.read.get(&frame.index).map_or(&[], Vec::as_slice)),
         }
@@ -248,8 +252,10 @@ mod tests {
         }
         let mut detections =
             Detections { detector: Some(Box::new(Corner(Map::default()))), every: 3, ..Detections::default() };
+        // Half of the frames were dropped.
         let runs: Vec<bool> = (0..7)
-            .map(|index| {
+            .map(|k| {
+                let index = 2 * k + 1;
                 let (frame, mut found) = (Frame { index, time: 0.0, image: Image::grey(16, 12, 0) }, vec![]);
                 detections.next(&frame, false, &mut found).expect("a detector that finds");
                 !found.is_empty()

@@ -104,7 +104,7 @@ impl<'a> Plan<'a> {
                 let still = detector.needs_still_camera();
                 **detections = Detections::of((args, source), &about, frames, given.is_empty(), still)?;
                 detections.warnings = info.warnings.clone();
-                detections.every = blueprint.config().multi_target.map_or(1, |settings| settings.every);
+                detections.every = blueprint.config().multi_target.unwrap_or_default().every;
                 (frames, None, given)
             }
         };
