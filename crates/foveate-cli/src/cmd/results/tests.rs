@@ -118,6 +118,7 @@ fn a_finished_run_stays_where_a_new_one_lost_a_file() {
         assert!(!results.is_empty());
         let lost = results.folder().join("film.mp4").display().to_string() + ": no space";
         let lost = results.with_final_path(&Error::Invalid(lost));
+        assert_eq!(lost.to_string(), format!("{}: no space", out.join("film.mp4").display()));
         results.keep(Ended::Error, 1, Some(&lost))
     };
     // Without a finished run, the other files are kept.
