@@ -312,10 +312,14 @@ pub(super) fn outline(
     framed(page, view, &state.fixate(gaze, extent), reach, thick, colour);
 }
 
+/// Where (u, v) of a fixation falls on the frame.
+pub(crate) fn place(f: &Fixation, u: f64, v: f64) -> Point {
+    (f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy)
+}
+
 /// Draws `reach` times the square of a fixation.
 pub(super) fn framed(page: &mut Drawing, view: View, f: &Fixation, reach: f64, thick: f64, colour: Colour) {
-    let at = |u: f64, v: f64| view.at((f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy));
-    let corners = CORNERS.map(|(u, v)| at(reach * u, reach * v));
+    let corners = CORNERS.map(|(u, v)| view.at(place(f, reach * u, reach * v)));
     page.outline(&corners, (thick + 1.8) * view.bold, BLACK, 0.4);
     page.outline(&corners, thick * view.bold, colour, 1.0);
 }

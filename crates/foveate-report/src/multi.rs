@@ -3,7 +3,7 @@
 use foveate_base::text::counted;
 use std::collections::BTreeMap;
 
-use crate::annotate::{Path, View, cross, framed, magnified};
+use crate::annotate::{Path, View, cross, framed, magnified, place};
 use crate::draw::{CORNERS, Colour, Drawing, text_width};
 use foveate_core::Seen;
 use foveate_core::geometry::{Extent, Fixation, Gaze, State};
@@ -101,7 +101,7 @@ fn body(page: &mut Drawing, view: View, target: &Seen<'_>) {
 fn corners(page: &mut Drawing, view: View, target: &Seen<'_>, ink: Colour) {
     const LONG: f64 = 0.4;
     let f = turned_box(target);
-    let at = |u: f64, v: f64| view.at((f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy));
+    let at = |u: f64, v: f64| view.at(place(&f, u, v));
     for (u, v) in CORNERS {
         let bent = [at(u * (1.0 - LONG), v), at(u, v), at(u, v * (1.0 - LONG))];
         page.line(&bent, 3.8 * view.bold, BLACK, 0.4);

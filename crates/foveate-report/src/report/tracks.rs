@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::bars::{Span, bars};
 use super::html::{self, Template};
+use crate::annotate::place;
 use crate::draw::CORNERS;
 use crate::multi::{colour, is_occluded_or_lost, name, turned_box};
 use crate::template::Crop;
@@ -132,7 +133,7 @@ impl Drawn {
     pub(super) fn new(target: &Seen<'_>) -> Self {
         let f = turned_box(target);
         let gaze = target.state.fixate(target.gaze, target.extent);
-        let corners = CORNERS.into_iter().flat_map(|(u, v)| [f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy]);
+        let corners = CORNERS.into_iter().flat_map(|(u, v)| <[f64; 2]>::from(place(&f, u, v)));
         let [r, g, b] = colour(target.id);
         Self {
             id: target.id,
