@@ -177,8 +177,10 @@ fn parse(line: &[u8]) -> Result<Head, String> {
     for field in rest.split(' ').filter(|field| !field.is_empty()) {
         let (name, value) = field.split_at(field.chars().next().map_or(0, char::len_utf8));
         let side = || value.parse::<usize>().ok().filter(|n| (1..=MAX_SIDE).contains(n)).ok_or(());
-        let wrong =
-            |()| format!("expected sides from 1 to {MAX_SIDE} pixels, found \"{}\"; {SMALLER}", field.escape_debug());
+        let wrong = |()| {
+            let todo = if value.parse().is_ok_and(|n: u64| n > MAX_SIDE as u64) { SMALLER } else { TODO };
+            format!("expected sides from 1 to {MAX_SIDE} pixels, found \"{}\"; {todo}", field.escape_debug())
+        };
         match name {
             "W" => width = side().map_err(wrong)?,
             "H" => height = side().map_err(wrong)?,

@@ -240,7 +240,7 @@ exit 1";
     let mut ffmpeg =
         Ffmpeg::open(&program, Path::new("x.avi"), 0, &Leash::default(), &Remarks::default()).expect("it runs");
     let end = ffmpeg.picture().and_then(Result::err);
-    assert!(matches!(end, Some(DecodeError::Damaged(text)) if text.contains("W17000")));
+    assert!(matches!(end, Some(DecodeError::Damaged(text)) if text.contains("W17000") && text.contains("smaller")));
 }
 
 /// What ffprobe reports of the frames of the first video stream, in seconds from the first.
