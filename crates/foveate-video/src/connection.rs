@@ -28,6 +28,8 @@ use heard::Heard;
 
 /// The first pause before a stream is opened again, and the longest; each is twice the one before.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(4));
+/// The reason of an ffmpeg that gives none.
+const NO_REASON: &str = "no reason";
 /// The time stamp of a frame comes before its pixels.
 const PATIENCE: Duration = Duration::from_millis(200);
 
@@ -158,7 +160,7 @@ impl Connection {
     }
 
     fn reason(&mut self) -> String {
-        self.complaint().unwrap_or_else(|| "no reason".into())
+        self.complaint().unwrap_or_else(|| NO_REASON.into())
     }
 
     /// The first error that the ffmpeg reported which is given up.
@@ -273,7 +275,7 @@ impl Connection {
                 return Ok(None);
             }
             // The last one may be ended before it says anything.
-            last = self.complaint().or(last).or_else(|| Some("no reason".into()));
+            last = Some(self.complaint().or(last).unwrap_or_else(|| NO_REASON.into()));
         }
         if whole && listen {
             self.notify("no other sender came: the stream is at its end");
