@@ -179,8 +179,8 @@ pub struct Held {
     pub confusion: Vec<Vec<usize>>,
 }
 
-/// Fits the temperature on rows of held-out pictures with these labels, each picture's once a pass. It is at least 1: a few pictures that are all classified correctly would otherwise make the
-/// classifier overconfident.
+/// Fits the temperature on rows of held-out pictures with these labels, each picture's once a pass. It is at least 1: a few pictures that
+/// are all classified correctly would otherwise make the classifier overconfident.
 pub fn calibrated(softmax: Softmax, rows: Rows<'_>, labels: &[u8]) -> Softmax {
     let mut log_p = vec![0.0; rows.len() * softmax.classes()];
     let softmax = softmax.at(1.0);

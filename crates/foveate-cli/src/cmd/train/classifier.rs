@@ -114,8 +114,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let variation = if args.still { Variation::default() } else { Variation::of_tracks() };
     let extractor = FeatureExtractor { retina, encoder, variation, seed: args.seed };
     let as_they_are = look(&extractor, Variation::default(), &held, 1);
-    // The first layer by what it makes of them: its file may be another one of the same name.
-    let data = format!("{} {} {geometry} {}", all.sha256(), sha256_of(&as_they_are), args.still);
+    // Retina and first layer by what they make of them: a file may be another one of the same name.
+    let data = format!("{} {} {}", all.sha256(), sha256_of(&as_they_are), args.still);
     let trainer = files.train::<Trainer, _>(
         &recipe,
         &data,
