@@ -136,7 +136,7 @@ def main():
     for name, start in kinds.items():
         if names and not any(word in name for word in names):
             continue
-        cells, told, statuses = [], "", []
+        cells, reason, statuses = [], "", []
         for every in [False, True]:
             source, options, pipe = start()
             options = options + (["--every-frame"] if every and "file" != name else [])
@@ -152,10 +152,10 @@ def main():
             cells.append((tracked, dropped))
             statuses.append(run.returncode)
             said = [line for line in run.stderr.splitlines() if line.startswith("foveate: ")]
-            told = told or "; ".join(said).replace(folder, "").replace("foveate: ", "").replace("|", "\\|")
+            reason = reason or "; ".join(said).replace(folder, "").replace("foveate: ", "").replace("|", "\\|")
             lost += run.returncode == 0 and tracked + dropped != FRAMES and not name.startswith("SRT")
         (tracked, dropped), (all_, none) = cells
-        print(f"| {name} | {FRAMES} | {tracked} | {dropped} | {all_}{f' and {none} dropped' if none else ''} | {'/'.join(map(str, sorted(set(statuses))))} | {told} |", flush=True)
+        print(f"| {name} | {FRAMES} | {tracked} | {dropped} | {all_}{f' and {none} dropped' if none else ''} | {'/'.join(map(str, sorted(set(statuses))))} | {reason} |", flush=True)
     sys.exit(lost > 0)
 
 

@@ -10,7 +10,7 @@ export async function decoderOf(list, read) {
   if (!(await VideoDecoder.isConfigSupported(config).catch(() => ({}))).supported) return null;
   const { offsets, sizes, frames, keys } = list, sampleOf = new Map(frames.map((frame, sample) => [frame, sample]));
   let decoder = null, next = 0, ready = [], failed = null, wake = null, flushing = false;
-  const told = () => { wake?.(); wake = null; };
+  const notify = () => { wake?.(); wake = null; };
   function stop() {
     ready.forEach(frame => frame.close());
     ready = [];
@@ -22,8 +22,8 @@ export async function decoderOf(list, read) {
     stop();
     for (next = sampleOf.get(frame); next > 0 && !keys[next]; next--);
     const mine = decoder = new VideoDecoder({
-      output: picture => { if (mine === decoder) ready.push(picture); else picture.close(); told(); },
-      error: error => { if (mine === decoder) failed = error; told(); },
+      output: picture => { if (mine === decoder) ready.push(picture); else picture.close(); notify(); },
+      error: error => { if (mine === decoder) failed = error; notify(); },
     });
     flushing = false;
     decoder.configure(config);
@@ -35,7 +35,7 @@ export async function decoderOf(list, read) {
     }
     if (next === frames.length && !flushing) {
       flushing = true;
-      decoder.flush().catch(() => {}).finally(told);
+      decoder.flush().catch(() => {}).finally(notify);
     }
   }
   let at = 0, counts = { decoded: 0 };

@@ -38,13 +38,13 @@ async function lessonBegin() {
 }
 const lessonPicture = () => lesson.thread('picture', { session: 0, frame: 1, width: lesson.about.width, height: lesson.about.height });
 async function lessonStep() {
-  const told = await lesson.thread('ask', { message: { op: 'lesson_step' } });
-  if (told.ended) { lesson.ended = true; return; }
+  const shown = await lesson.thread('ask', { message: { op: 'lesson_step' } });
+  if (shown.ended) { lesson.ended = true; return; }
   const picture = await lessonPicture();
   if (lesson.picture !== lesson.template) lesson.picture.close();
-  Object.assign(lesson, { picture, now: told, truth: told.truth });
-  lesson.rows.push([told.learning.error, told.fixed.error, told.random.error]);
-  if (told.learning.row.gaze) lesson.gazes.push(told.learning.row.gaze);
+  Object.assign(lesson, { picture, now: shown, truth: shown.truth });
+  lesson.rows.push([shown.learning.error, shown.fixed.error, shown.random.error]);
+  if (shown.learning.row.gaze) lesson.gazes.push(shown.learning.row.gaze);
   lessonDraw();
 }
 // One at a time: a scene that is being drawn, or a frame that is being tracked.
@@ -181,7 +181,7 @@ function drawErrors() {
   line(rows.map((row, i) => [x(i), y(row[0])]), colour('target'), 1.8);
   byId('l-axis').replaceChildren(...[high, high / 2, 0].map(v => element('span', {}, String(Math.round(v)))));
   const mean = which => say(rows.reduce((sum, row) => sum + row[which], 0) / rows.length, 2);
-  const told = rows.length ? [[about.policy, 'swatch k-learning', 0], ['fixed centre', 'swatch dash k-fixed', 1], ['random gazes', 'swatch dash k-random', 2]] : [];
-  byId('l-means').replaceChildren(...told.map(([name, swatch, which]) => element('span', {}, element('i', { class: swatch }), `${name}: mean `, element('b', {}, mean(which)))));
-  canvas.setAttribute('aria-label', rows.length ? `Error in ${counted(rows.length, 'frame')}: ${told.map(([name, , which]) => `${name} ${mean(which)} pixels on average`).join(', ')}` : 'Error of the three trackers over time');
+  const means = rows.length ? [[about.policy, 'swatch k-learning', 0], ['fixed centre', 'swatch dash k-fixed', 1], ['random gazes', 'swatch dash k-random', 2]] : [];
+  byId('l-means').replaceChildren(...means.map(([name, swatch, which]) => element('span', {}, element('i', { class: swatch }), `${name}: mean `, element('b', {}, mean(which)))));
+  canvas.setAttribute('aria-label', rows.length ? `Error in ${counted(rows.length, 'frame')}: ${means.map(([name, , which]) => `${name} ${mean(which)} pixels on average`).join(', ')}` : 'Error of the three trackers over time');
 }

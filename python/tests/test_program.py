@@ -188,8 +188,8 @@ def test_ctrl_c_ends_it(arguments: list[str], tmp_path: Path) -> None:
     while process.poll() is None and not any(tmp_path.iterdir()) and time.monotonic() < until:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=30)
-    assert "Traceback" not in told
+    _, messages = process.communicate(timeout=30)
+    assert "Traceback" not in messages
     assert process.returncode != 0 or arguments[-1] == "--help"
 
 
@@ -205,7 +205,7 @@ def test_ctrl_c_while_tracking_leaves_whole_files(tmp_path: Path) -> None:
     )
     time.sleep(3)
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=60)
+    _, messages = process.communicate(timeout=60)
     if process.returncode == 0:
         pytest.skip("skipped: it ended before it was stopped")
-    assert process.returncode == 130 and "good order" in told, told
+    assert process.returncode == 130 and "good order" in messages, messages

@@ -48,7 +48,7 @@ async function trackOn(frames, asked) {
     const behind = Math.max(0, ...page.targets.filter(({ ended }) => !ended).map(target => lastTracked() - lastTracked(target)));
     const video = page.video, answer = await tracker.ask({ op: 'step', session: video.session, frames: frames + behind });
     if (video !== page.video) return;
-    answer.targets.forEach((told, i) => takeIn(page.targets[i], told));
+    answer.targets.forEach((shown, i) => takeIn(page.targets[i], shown));
     if (answer.missed !== undefined) tellMissed(answer);
     if (asked || page.playing) await show(lastTracked());
     else panels();

@@ -319,7 +319,7 @@ fn losses_of_a_conversion_are_reported() {
     assert_eq!(place.text("back.txt"), place.text("sure.txt"), "the confidence is the quality");
 }
 
-/// What is said of the input holds for the target that is converted.
+/// The notes on the input are those on the target that is converted.
 #[test]
 fn notes_are_on_what_is_converted() {
     let place = Place::empty();

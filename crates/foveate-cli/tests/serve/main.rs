@@ -28,7 +28,7 @@ fn place() -> Place {
 }
 
 fn open(server: &Server, name: &str) -> Value {
-    server.told(json!({ "op": "open", "path": name }))
+    server.answer(json!({ "op": "open", "path": name }))
 }
 
 /// The boxes of a target's reported rows.

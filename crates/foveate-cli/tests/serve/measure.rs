@@ -25,7 +25,7 @@ fn the_page_measures_what_the_program_measures() {
     let dir = falling();
     let server = Server::of(dir.path(""), "seen");
     let session = open(&server, "0/fall")["session"].clone();
-    let ask = |message: Value| server.told(message);
+    let ask = |message: Value| server.answer(message);
     let options = json!({ "ruler": "61,41,61,281=200.0+-0.1cm", "origin": "201.25,41", "fps": "60+-0.1", "angle": "-0.5", "fit": "parabola:y:0.05-0.6" });
     let measure = |files: bool| json!({ "op": "measure", "session": session, "options": options, "files": files });
     let (status, none) = server.ask(measure(false));

@@ -54,10 +54,10 @@ fn a_stream_that_was_named_is_followed() {
     assert_eq!(status, 200);
     let at = nearest(&jpeg);
     let message = json!({ "op": "start", "session": session, "frame": 1, "box": truth(at), "config": "natural-fast", "policy": null, "seed": 1 });
-    server.told(&message);
+    server.answer(&message);
     let mut overlaps = vec![];
     for frame in 2..60 {
-        let answer = server.told(json!({ "op": "step", "session": session, "frames": 1 }));
+        let answer = server.answer(json!({ "op": "step", "session": session, "frames": 1 }));
         let boxes = boxes_of(&answer["targets"][0]);
         assert_eq!(boxes.len(), 1);
         assert!(answer["missed"].is_u64());
@@ -69,9 +69,9 @@ fn a_stream_that_was_named_is_followed() {
     // A frame that has gone, a correction of the last one, results as they are.
     assert_eq!(server.get(&format!("/frame?session={session}&frame=3")).0, 404);
     let correct = json!({ "op": "correct", "session": session, "frame": 59, "box": truth(0) });
-    server.told(&correct);
-    server.told(json!({ "op": "save", "session": session, "film": true, "report": true }));
-    let saved = server.told(json!({ "op": "saved", "session": session }));
+    server.answer(&correct);
+    server.answer(json!({ "op": "save", "session": session, "film": true, "report": true }));
+    let saved = server.answer(json!({ "op": "saved", "session": session }));
     assert_eq!(saved["files"], json!(["boxes.txt", "track.csv", "track.jsonl"]));
     let (status, text) = server.get(&format!("/file?session={session}&name=track.jsonl"));
     assert_eq!((status, String::from_utf8_lossy(&text).lines().count()), (200, 59));
@@ -79,7 +79,7 @@ fn a_stream_that_was_named_is_followed() {
     for path in ["1", &address, "0/live", "/dev/video0"] {
         assert_eq!(server.ask(json!({ "op": "open", "path": path })).0, 400, "{path}");
     }
-    server.told(json!({ "op": "close", "session": session }));
+    server.answer(json!({ "op": "close", "session": session }));
 }
 
 /// A file of the clip by HTTP, with its length: every frame is tracked, and the end is reported.
@@ -93,7 +93,7 @@ fn a_file_by_http_is_played_to_its_end() {
     let (_, jpeg) = server.get(&format!("/frame?session={session}&frame=1"));
     assert_eq!(nearest(&jpeg), 0, "it begins with the first frame");
     let message = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast", "policy": null, "seed": 1 });
-    server.told(&message);
+    server.answer(&message);
     let (mut frame, mut overlaps) = (1, vec![]);
     loop {
         let (status, answer) = server.ask(json!({ "op": "step", "session": session, "frames": 1 }));
@@ -146,7 +146,7 @@ fn pushed_frames_are_followed() {
             }
             _ => json!({ "op": "step", "session": session, "frames": 1 }),
         };
-        let answer = server.told(&message);
+        let answer = server.answer(&message);
         if t == 1 {
             // Without a new frame there is no result, and the track goes on.
             let (status, none) = server.ask(&message);

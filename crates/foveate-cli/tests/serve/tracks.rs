@@ -9,7 +9,7 @@ use crate::{boxes_of, open, place};
 fn tracked(server: &Server, session: &Value) -> Vec<[f64; 4]> {
     let mut boxes = vec![];
     loop {
-        let answer = server.told(json!({ "op": "step", "session": session, "frames": 200 }));
+        let answer = server.answer(json!({ "op": "step", "session": session, "frames": 200 }));
         let target = &answer["targets"][0];
         boxes.extend(boxes_of(target));
         if target["ended"] == true {
@@ -27,11 +27,11 @@ fn frames_before_damage_reach_the_page() {
     let server = Server::of(dir.path(""), "seen");
     let session = &open(&server, "0/clip")["session"];
     let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast" });
-    server.told(&start);
+    server.answer(&start);
     let step = json!({ "op": "step", "session": session, "frames": 200 });
     let mut frames = 1;
     let problem = loop {
-        let answer = server.told(&step);
+        let answer = server.answer(&step);
         frames += boxes_of(&answer["targets"][0]).len();
         if let Some(problem) = answer["problem"].as_str() {
             break problem.to_owned();
@@ -88,7 +88,7 @@ fn messages_track_correct_and_save() {
     assert!(mean >= 0.7, "{mean}");
     let [x, y, w, h] = truth(19);
     let correction = json!({ "op": "correct", "session": session, "frame": 20, "box": [x + 3.0, y, w - 3.0, h] });
-    server.told(&correction);
+    server.answer(&correction);
     let rest = tracked(&server, session);
     assert_eq!(rest.len(), FRAMES - 20);
     // The saved results equal those of the printed `foveate track` command, and those on the page.
@@ -98,9 +98,9 @@ fn messages_track_correct_and_save() {
         command,
         "foveate track seen/clip --init 101,91,48,48 --reinit 20:161,110,45,48 --config natural-fast --seed 4"
     );
-    server.told(json!({ "op": "save", "session": session, "film": true, "report": true }));
+    server.answer(json!({ "op": "save", "session": session, "film": true, "report": true }));
     let files = loop {
-        let answer = server.told(json!({ "op": "saved", "session": session }));
+        let answer = server.answer(json!({ "op": "saved", "session": session }));
         if let Some(files) = answer["files"].as_array() {
             break files.clone();
         }
@@ -132,7 +132,7 @@ fn messages_track_correct_and_save() {
     for _ in 0..4 {
         let session = &open(&server, "0/clip")["session"];
         let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast" });
-        server.told(&start);
+        server.answer(&start);
     }
     assert_eq!(server.ask(json!({ "op": "step", "session": session, "frames": 1 })).0, 400);
     assert!(leftovers(&dir).is_empty(), "{:?}", leftovers(&dir));
@@ -145,8 +145,8 @@ fn the_folder_of_a_killed_server_is_removed() {
         let server = Server::of(dir.path(""), "seen");
         let session = open(&server, "0/clip")["session"].clone();
         let start = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast", "policy": null, "seed": 4 });
-        server.told(start);
-        server.told(json!({ "op": "save", "session": session, "film": true, "report": false }));
+        server.answer(start);
+        server.answer(json!({ "op": "save", "session": session, "film": true, "report": false }));
         while leftovers(&dir).is_empty() {
             std::thread::sleep(std::time::Duration::from_millis(10));
         }
@@ -168,7 +168,7 @@ fn one_thread_answers_while_results_are_written() {
     let args = ["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural", "--threads", "1"];
     let server = Server::start(dir.path(""), &args);
     let session = open(&server, "0/clip")["session"].clone();
-    let ask = |message: Value| server.told(message);
+    let ask = |message: Value| server.answer(message);
     ask(
         json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural", "policy": null, "seed": 4 }),
     );
@@ -192,7 +192,7 @@ fn several_targets_are_followed_at_once() {
     let dir = place();
     let server = Server::of(dir.path(""), "seen");
     let session = open(&server, "0/clip")["session"].clone();
-    let ask = |message: Value| server.told(message);
+    let ask = |message: Value| server.answer(message);
     let start = |target: usize, frame: usize, bbox: [f64; 4]| json!({ "op": "start", "session": session, "target": target, "frame": frame, "box": bbox, "config": "natural-fast", "policy": null, "seed": 4 });
     assert_eq!(server.ask(start(1, 1, truth(0))).0, 400, "the first one comes first");
     ask(start(0, 1, truth(0)));

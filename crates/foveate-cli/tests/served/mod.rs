@@ -65,7 +65,7 @@ impl Server {
     }
 
     /// The answer to a message that is not refused.
-    pub(crate) fn told(&self, message: impl std::fmt::Display) -> serde_json::Value {
+    pub(crate) fn answer(&self, message: impl std::fmt::Display) -> serde_json::Value {
         let (status, answer) = self.ask(&message);
         assert_eq!(status, 200, "{message}: {answer}");
         answer

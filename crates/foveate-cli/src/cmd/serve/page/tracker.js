@@ -6,7 +6,7 @@ function remoteTracker() {
   const token = new URLSearchParams(location.search).get('token');
   const headers = token ? { 'X-Foveate-Token': token } : {};
   const query = values => '?' + new URLSearchParams(token ? { ...values, token } : values);
-  async function told(request) {
+  async function answered(request) {
     let response;
     try { response = await request; } catch { throw new Error('The program foveate does not answer. Is it still running?'); }
     if (response.ok) return response;
@@ -15,7 +15,7 @@ function remoteTracker() {
     throw new Error(problem);
   }
   const request = (where, kind, body, more) => fetch(where, { method: 'POST', headers: { ...headers, 'Content-Type': kind }, body, ...more });
-  const post = async (where, kind, body) => (await told(request(where, kind, body))).json();
+  const post = async (where, kind, body) => (await answered(request(where, kind, body))).json();
   const send = message => post('api', 'application/json', JSON.stringify(message));
   // The browser's own camera: its frames go to the server as JPEG.
   const pushed = pushedVideos(send, async (session, { pixels, time, missed }) => {
@@ -33,7 +33,7 @@ function remoteTracker() {
     },
     async picture(session, frame) {
       const now = pushed.has(session) ? await pushed.picture(session, frame) : null;
-      return now || createImageBitmap(await (await told(fetch('frame' + query({ session, frame }), { headers }))).blob());
+      return now || createImageBitmap(await (await answered(fetch('frame' + query({ session, frame }), { headers }))).blob());
     },
     link: (session, name) => 'file' + query({ session, name }),
     // Closes a video though the page is going away.
