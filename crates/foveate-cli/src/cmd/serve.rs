@@ -159,11 +159,11 @@ fn start(
     let guard = Guard { port: bound.port(), remote: !address.ip().is_loopback(), token };
     let done = pick.as_ref().map_or_else(Arc::<AtomicBool>::default, |pick| Arc::clone(&pick.done));
     let waits = pick.as_ref().is_some_and(|pick| !pick.keep);
+    terminal::catch_interrupts();
     announce(&bound, &guard, pick.is_some());
     let (config, policy, options) = (page.config.clone(), page.policy.clone(), page.sandbox.options());
     let page = Page::new(Server { roots, pick, config, policy, pool, options });
     let app = Arc::new(App { guard, page });
-    terminal::catch_interrupts();
     let ending = Arc::clone(&done);
     let stop: Arc<dyn Fn() -> bool + Send + Sync> =
         Arc::new(move || terminal::stopping() || ending.load(Ordering::SeqCst));
